@@ -2,11 +2,11 @@
 
 import math
 
+from autonomy.estimation.config import MOST_DOUBT
 from robot_link.messages import CurrentReport
 
 FASTEST_M_S = 10.0
 """No water moves faster."""
-MOST_DOUBT = 10.0
 _ROUNDING = 1e-2
 _DIVES_MAX = 255
 

@@ -5,6 +5,9 @@ from typing import Literal
 
 from autonomy.configuration import Configuration, quantity
 
+MOST_DOUBT = 10.0
+"""A robot whose fixes surprise it more than this is lost, whatever it states."""
+
 
 class EstimatorConfig(Configuration):
     """Which filter tells the position, the noise that it assumes, the velocity observer's gains."""
@@ -29,7 +32,7 @@ class EstimatorConfig(Configuration):
     drift_m_sqrt_s: float = quantity(0.02, "m/s^0.5", title="Drift", ge=0.001, le=10.0)
     """Growth of the dead-reckoned position's standard deviation, per axis, per root second under
     water; the velocity's noise at period dt is this divided by the root of dt."""
-    doubt: float = quantity(1.0, title="Doubt", ge=1.0, le=10.0, advanced=True)
+    doubt: float = quantity(1.0, title="Doubt", ge=1.0, le=MOST_DOUBT, advanced=True)
     """How many times larger positions' standard deviations are stated than by the other settings.
     The robot raises it where its fixes surprise it, and plans take over what it says."""
     acceleration_density: float = quantity(

@@ -11,11 +11,12 @@ import math
 from collections import deque
 from enum import Enum, auto
 
+from autonomy.estimation.config import MOST_DOUBT
+
 DIVES = 8
 """So many dives are remembered."""
 PRIOR_FREEDOM = 4.0
 """Worth two dives that went as expected."""
-MOST_DOUBT = 10.0
 SHORTEST_DIVE_S = 10.0
 """A shorter time without a fix tells nothing of the water."""
 _SURPRISE = 5.99

@@ -11,6 +11,7 @@ from autonomy.arrays import FloatArray
 from autonomy.current.model import FEWEST, CurrentMap, Observation
 from server.current.record import Verdict
 from server.current.water_current import JUDGED, WaterCurrent
+from server.fleet.current_words import cm_s, flow_text
 
 _WEAK_TIDE_M_S = 0.005
 _STEPS = 96
@@ -40,11 +41,8 @@ def place_text(known: CurrentMap, robot: str, place_ned: Sequence[float], now_s:
     flow = known.flow(np.array([[*place_ned, now_s]]))
     (north, east), cov = flow.mean_ne_m_s[0].tolist(), flow.cov_m2_s2[0]
     std = math.sqrt(max(float(np.trace(cov)) / 2.0, 0.0))
-    speed = math.hypot(north, east)
-    if speed < std:
-        return f"At {robot} now none that it could tell; give or take {_cm_s(std)} cm/s."
-    to_deg = math.degrees(math.atan2(east, north)) % 360.0
-    return f"At {robot} now {_cm_s(speed)} cm/s to {to_deg:.0f} deg, give or take {_cm_s(std)}."
+    none = f"none that it could tell; give or take {cm_s(std)} cm/s"
+    return f"At {robot} now {flow_text(north, east, std) or none}."
 
 
 def tide_text(known: CurrentMap, place_ned: Sequence[float], now_s: float) -> str:
@@ -64,7 +62,7 @@ def tide_text(known: CurrentMap, place_ned: Sequence[float], now_s: float) -> st
         return ""
     half = speed[: _STEPS // 2]
     slack = datetime.fromtimestamp(float(times[int(half.argmin())]), UTC)
-    return f"Tide up to {_cm_s(float(speed.max()))} cm/s, next slack {slack:%H:%MZ}."
+    return f"Tide up to {cm_s(float(speed.max()))} cm/s, next slack {slack:%H:%MZ}."
 
 
 def worth_text(verdicts: Sequence[Verdict]) -> str:
@@ -167,7 +165,3 @@ def _m(distance_m: float) -> str:
     if distance_m >= 10.0:
         return f"{distance_m:.0f} m"
     return f"{distance_m:.2g} m" if distance_m >= 0.005 else "0 m"
-
-
-def _cm_s(speed_m_s: float) -> str:
-    return f"{100.0 * speed_m_s:.{1 if speed_m_s < 0.1 else 0}f}"

@@ -4,6 +4,9 @@ from autonomy.vehicle.config import Vehicle
 from robot_link.messages import ActuatorFollowing, ActuatorReport
 from server.fleet.view import ActuatorFollowingView, ActuatorsView
 
+_LEAST_SHARE, _LEAST_DELAY_S = 0.005, 0.05
+"""Of a rate and of a delay, s, that are told; less is rounding."""
+
 
 def actuators_view(report: ActuatorReport, vehicle: Vehicle | None, age_s: float) -> ActuatorsView:
     """Return a report as the operator sees it.
@@ -30,23 +33,9 @@ def actuators_view(report: ActuatorReport, vehicle: Vehicle | None, age_s: float
 def actuators_text(report: ActuatorReport, vehicle: Vehicle | None = None) -> str:
     """Say how the actuators follow, and what the robot makes of it."""
     trouble = trouble_text(report)
-    if not report.is_mass_off:
-        if trouble:
-            return trouble
-        known = report.mass.learned_age_s is not None
-        return (
-            "The sliding mass follows its commands as the model says."
-            if known
-            else "Nothing is known yet: no actuator was told to move."
-        )
-    mass = report.mass
-    if vehicle is None:
-        speed = f"at {mass.rate_share:.0%} of its nominal rate"
-    else:
-        nominal = vehicle.limits.rp1_rate_m_s * 1e3
-        speed = f"at {nominal * mass.rate_share:.1f} mm/s ({nominal:.1f} nominal)"
-    text = f"The sliding mass moves {speed} and answers {mass.delay_s:.1f} s late."
-    return " ".join(filter(None, (text, slowed_text(report), trouble)))
+    if trouble and not report.is_mass_off:
+        return trouble
+    return " ".join(filter(None, (_mass_text(report.mass, vehicle), slowed_text(report), trouble)))
 
 
 def slowed_text(report: ActuatorReport) -> str:
@@ -66,6 +55,26 @@ def trouble_text(report: ActuatorReport) -> str:
     if report.is_swinging:
         return "Pitch and sliding mass swing; the robot flies its gentlest gait."
     return ""
+
+
+def _mass_text(mass: ActuatorFollowing, vehicle: Vehicle | None) -> str:
+    told: list[str] = []
+    if abs(mass.rate_share - 1.0) >= _LEAST_SHARE:
+        told.append(f"moves {_rate_text(mass.rate_share, vehicle)}")
+    if mass.delay_s >= _LEAST_DELAY_S:
+        told.append(f"answers {mass.delay_s:.1f} s late")
+    if told:
+        return f"The sliding mass {' and '.join(told)}."
+    if mass.learned_age_s is None:
+        return "Nothing was learned of the sliding mass yet."
+    return "The sliding mass follows its commands as the model says."
+
+
+def _rate_text(share: float, vehicle: Vehicle | None) -> str:
+    if vehicle is None:
+        return f"at {share:.0%} of its nominal rate"
+    nominal = vehicle.limits.rp1_rate_m_s * 1e3
+    return f"at {nominal * share:.1f} mm/s ({nominal:.1f} nominal)"
 
 
 def _following(following: ActuatorFollowing, age_s: float) -> ActuatorFollowingView:

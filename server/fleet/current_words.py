@@ -7,6 +7,8 @@ from server.fleet.view import CurrentView
 
 DOUBT_TOLD = 1.3
 """From here on a robot's doubt of its own positions is worth an alarm."""
+LIKELY_WHY = "the water moves more than was believed, or its compass is off"
+"""What makes fixes lie farther off than a robot states; they alone cannot tell which it is."""
 
 
 def current_view(report: CurrentReport, age_s: float) -> CurrentView:
@@ -17,6 +19,7 @@ def current_view(report: CurrentReport, age_s: float) -> CurrentView:
         east_m_s=east_m_s,
         std_m_s=report.current_std_m_s,
         doubt=report.doubt,
+        is_doubted=report.doubt >= DOUBT_TOLD,
         dives=report.dives,
         fixes_refused=report.fixes_refused,
         text=current_text(report),
@@ -28,23 +31,23 @@ def current_view(report: CurrentReport, age_s: float) -> CurrentView:
 
 def current_text(report: CurrentReport) -> str:
     """Say what a robot believes of the current, and how far it believes itself."""
-    north_m_s, east_m_s = report.current_ne_m_s
-    speed_m_s, std_m_s = math.hypot(north_m_s, east_m_s), report.current_std_m_s
-    if speed_m_s > std_m_s:
-        to_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
-        text = f"{_cm_s(speed_m_s)} cm/s to {to_deg:.0f} deg, give or take {_cm_s(std_m_s)}."
+    std_m_s = report.current_std_m_s
+    if report.current_ne_m_s == (0.0, 0.0):
+        text = f"It has learned no current; it allows for {cm_s(std_m_s)} cm/s."
+    elif told := flow_text(*report.current_ne_m_s, std_m_s):
+        text = f"{told}."
     else:
-        text = f"None that it could tell; give or take {_cm_s(std_m_s)} cm/s."
+        text = f"None that it could tell; give or take {cm_s(std_m_s)} cm/s."
     return " ".join(filter(None, (text, doubt_text(report), refused_text(report))))
 
 
 def doubt_text(report: CurrentReport) -> str:
-    """Say by how much a robot doubts its positions; "" where its fixes agree with it."""
+    """Say by how much a robot doubts its positions, and why; "" where its fixes agree with it."""
     if report.doubt < DOUBT_TOLD:
         return ""
     return (
-        f"The water moves more than was believed; positions are doubted {report.doubt:.1f} times "
-        "more."
+        f"Its last fixes lay farther off than it states: {LIKELY_WHY}. Positions are doubted "
+        f"{report.doubt:.1f} times more."
     )
 
 
@@ -57,5 +60,15 @@ def refused_text(report: CurrentReport) -> str:
     return f"{count} {lay} not believed."
 
 
-def _cm_s(speed_m_s: float) -> str:
+def flow_text(north_m_s: float, east_m_s: float, std_m_s: float) -> str:
+    """Say how fast water moves and where to; "" where that is less than its standard deviation."""
+    speed_m_s = math.hypot(north_m_s, east_m_s)
+    if speed_m_s <= std_m_s:
+        return ""
+    to_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+    return f"{cm_s(speed_m_s)} cm/s to {to_deg:.0f} deg, give or take {cm_s(std_m_s)}"
+
+
+def cm_s(speed_m_s: float) -> str:
+    """Return a speed in cm/s with as many digits as a current deserves, without the unit."""
     return f"{100.0 * speed_m_s:.{1 if speed_m_s < 0.1 else 0}f}"

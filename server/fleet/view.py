@@ -82,6 +82,8 @@ class CurrentView(View):
     """Standard deviation of the current, larger axis."""
     doubt: float
     """How many times larger its stated uncertainties are, because its last fixes surprised it."""
+    is_doubted: bool
+    """Whether that is so much that a person is told of it."""
     dives: int
     """How many dives that was judged by."""
     fixes_refused: int

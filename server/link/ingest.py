@@ -211,7 +211,9 @@ class Ingest:
         self._append(report)
         self._fleet.take_current(report)
         if before is not None and report.fixes_refused > before.fixes_refused:
-            text = f"{report.robot} did not believe a fix: it lay farther off than can be."
+            text = (
+                f"{report.robot} did not believe a fix: it lay farther off than it could believe."
+            )
             self._say(report.robot, "fix.refused", text)
 
     def _take_sample(self, sample: Sample) -> None:

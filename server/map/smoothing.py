@@ -31,7 +31,7 @@ from db.query.smoothing import (
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import CurrentReport, Sample
-from server.fleet.current_words import DOUBT_TOLD
+from server.fleet.current_words import DOUBT_TOLD, LIKELY_WHY
 
 ROWS_PER_LOOK = 20_000
 """Most reports and samples of one look; a longer track is looked at piece by piece."""
@@ -215,8 +215,8 @@ class Smoothing:
         if was_told:
             return ""
         return (
-            f"The last {watch.dives} dives of {robot} ended {watch.doubt:.1f} times farther from "
-            "where it believed to be than it had stated."
+            f"The last {watch.dives} dives of {robot} ended farther from where it believed to be "
+            f"than it had stated, as if it were {watch.doubt:.1f} times less sure: {LIKELY_WHY}."
         )
 
     def _restore(self, robot: str, first: datetime) -> None:

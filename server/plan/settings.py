@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from autonomy.estimation.config import MOST_DOUBT
 from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
-from robot_link.current_check import MOST_DOUBT
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.fleet.fleet import Fleet

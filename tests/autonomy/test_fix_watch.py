@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autonomy.estimation.fix_watch import DIVES, MOST_DOUBT, FixGate, FixWatch, Verdict
+from autonomy.estimation.config import MOST_DOUBT
+from autonomy.estimation.fix_watch import DIVES, FixGate, FixWatch, Verdict
 
 SPEED_M_S = 0.5
 FIX_STD_M = 1.5

@@ -245,5 +245,6 @@ def test_robot_whose_fixes_surprise_it_is_doubted_aloud(status):
     status.current_report = replace(calm, doubt=1.8)
     assert verdicts(status)["doubt"].level == "watch"
     assert verdicts(status)["doubt"].text == (
-        "mini-1: The water moves more than was believed; positions are doubted 1.8 times more."
+        "mini-1: Its last fixes lay farther off than it states: the water moves more than was "
+        "believed, or its compass is off. Positions are doubted 1.8 times more."
     )

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from autonomy.vehicle.config import MINIGLIDER
-from robot_link.messages import ActuatorFollowing
 from server.fleet.actuator_words import actuators_text, actuators_view
 from tests.robot_link.test_actuator_report import NEVER, REPORT
 
@@ -21,7 +20,15 @@ NOMINAL = replace(REPORT, is_mass_off=False, speed_share=1.0, mass=replace(NEVER
             " flown at 50% of their planned speed, so that it can follow.",
         ),
         (NOMINAL, "The sliding mass follows its commands as the model says."),
-        (replace(NOMINAL, mass=NEVER), "Nothing is known yet: no actuator was told to move."),
+        (replace(NOMINAL, mass=NEVER), "Nothing was learned of the sliding mass yet."),
+        (
+            replace(NOMINAL, mass=replace(NOMINAL.mass, rate_share=0.75)),
+            "The sliding mass moves at 9.4 mm/s (12.5 nominal).",
+        ),
+        (
+            replace(NOMINAL, mass=replace(NOMINAL.mass, delay_s=0.14)),
+            "The sliding mass answers 0.1 s late.",
+        ),
         (
             replace(NOMINAL, stuck=("pump", "tail")),
             "The pump and tail are stuck: told to move and stood still.",
@@ -41,4 +48,3 @@ def test_age_of_what_was_learned_goes_on_with_that_of_the_report():
     assert view.mass.learned_age_s == 42.5
     assert view.pump.learned_age_s is None
     assert "25% of its nominal rate" in view.text
-    assert isinstance(REPORT.mass, ActuatorFollowing)

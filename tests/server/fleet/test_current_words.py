@@ -4,7 +4,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from robot_link.messages import CurrentReport, RobotId
-from server.fleet.current_words import current_text
+from server.fleet.current_words import current_text, current_view
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
 REPORT = CurrentReport(RobotId("mini-1"), NOW, NOW, (0.0, 0.021), 0.004, 1.0, 3, 0)
@@ -19,9 +19,23 @@ def test_a_current_within_its_own_doubt_is_none_that_could_be_told():
     assert current_text(unknown) == "None that it could tell; give or take 0.4 cm/s."
 
 
+def test_a_robot_that_learned_no_current_says_what_it_allows_for():
+    """The position filter learns none, the model filter none before a fix told it."""
+    none = replace(REPORT, current_ne_m_s=(0.0, 0.0), current_std_m_s=0.01)
+    assert current_text(none) == "It has learned no current; it allows for 1.0 cm/s."
+
+
+def test_station_alone_says_which_doubt_is_worth_a_word():
+    assert [current_view(replace(REPORT, doubt=d), 0.0).is_doubted for d in (1.2, 1.3)] == [
+        False,
+        True,
+    ]
+
+
 def test_doubt_and_refused_fixes_are_said():
     assert current_text(replace(REPORT, doubt=1.82, fixes_refused=2)).endswith(
-        " The water moves more than was believed; positions are doubted 1.8 times more."
+        " Its last fixes lay farther off than it states: the water moves more than was believed, or"
+        " its compass is off. Positions are doubted 1.8 times more."
         " 2 fixes lay too far off and were not believed."
     )
     assert current_text(replace(REPORT, fixes_refused=1)).endswith(
