@@ -20,7 +20,7 @@ import numpy as np
 from autonomy.estimation.config import (
     ESTIMATOR_PRESETS,
     MODEL_FILTER_PRESETS,
-    CurrentConfig,
+    WaterMotionConfig,
 )
 from autonomy.vehicle.config import Vehicle
 from benchmarks import observer_table
@@ -187,9 +187,11 @@ def modelled(robot: RobotDefinition, flown: Flight, model: Vehicle) -> Modelled:
     )
 
 
-def water_of(robot: RobotDefinition, steady_m_s: float) -> CurrentConfig:
+def water_of(robot: RobotDefinition, steady_m_s: float) -> WaterMotionConfig:
     """Return how the water moves where a simulated robot works."""
-    return CurrentConfig(eddy_correlation_s=robot.current_correlation_s, steady_std_m_s=steady_m_s)
+    return WaterMotionConfig(
+        eddy_correlation_s=robot.current_correlation_s, steady_std_m_s=steady_m_s
+    )
 
 
 def tag_squares(seed: int) -> np.ndarray:

@@ -16,9 +16,9 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
-    CurrentConfig,
     EstimatorConfig,
     ModelFilterConfig,
+    WaterMotionConfig,
     estimator_preset,
 )
 from autonomy.estimation.model_filter import ModelFilter
@@ -125,7 +125,7 @@ def default_filter(robot: RobotDefinition, estimator: EstimatorConfig | None = N
     )
     return ModelFilter(
         estimator,
-        preset.model_copy(update={"current": CurrentConfig.model_validate(water.model_dump())}),
+        preset.model_copy(update={"current": WaterMotionConfig.model_validate(water.model_dump())}),
         robot.vehicle,
         (0.0, 0.0, 0.0),
         estimator.fix_std_m,

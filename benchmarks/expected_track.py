@@ -109,7 +109,7 @@ def flown(best: Candidate, water: Water, rng: np.random.Generator) -> list[Flown
     )
     course = rng.uniform(0.0, 2.0 * math.pi)
     met = (water.steady_m_s * math.cos(course), water.steady_m_s * math.sin(course))
-    fresh = replace(told, current_ne_m_s=met, steady_current_m_s=0.0, runs=1)
+    fresh = replace(told, current_ne_m_s=met, unknown_current_std_m_s=0.0, runs=1)
     return [compared(expected, replace(fresh, seed=int(rng.integers(2**31)))) for _ in range(FRESH)]
 
 
@@ -126,7 +126,7 @@ def problem_of(best: Candidate, water: Water) -> DryRunProblem:
         start_ne_m=start[:2],
         heading_rad=0.0,
         drift_m_sqrt_s=water.drift_m_sqrt_s,
-        steady_current_m_s=prior,
+        unknown_current_std_m_s=prior,
     )
 
 

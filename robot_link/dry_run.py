@@ -39,7 +39,7 @@ class DryRunProblem:
     """Current that stays and that the robot does not know of."""
     flow: FlowRecord | None = None
     """Current by place, depth and time since the start, on top."""
-    steady_current_m_s: float = 0.0
+    unknown_current_std_m_s: float = 0.0
     """Standard deviation per axis of what nobody knows of the current that stays; each flight meets
     another part of it, and they cancel over all flights."""
     runs: int = 4

@@ -131,7 +131,7 @@ def _current_ne_m_s(problem: DryRunProblem, number: int) -> tuple[float, float]:
         return north, east
     first = 2.0 * math.pi * np.random.default_rng(problem.seed).random()
     angle = first + 2.0 * math.pi * number / problem.runs
-    length = math.sqrt(2.0) * problem.steady_current_m_s
+    length = math.sqrt(2.0) * problem.unknown_current_std_m_s
     return north + length * math.cos(angle), east + length * math.sin(angle)
 
 

@@ -18,7 +18,9 @@ class EstimatorConfig(Configuration):
     uncertainty allows for one."""
     steady_current_m_s: float = quantity(0.01, "m/s", title="Unknown current", ge=0.0, le=3.0)
     """Standard deviation per axis of the current that stays for many dives, before any fix has told
-    it. Robot, plan and map all reckon with it; as delivered it is that of the kind of water."""
+    it; as delivered that of the kind of water. A plan reckons with the planner's copy until the
+    robot has said what it knows; a map reckons with the field's; the robot begins with its own,
+    which nothing that is set at the station changes."""
     current_memory_s: float = quantity(
         36000.0, "s", title="Current stays for", ge=60.0, le=1e7, advanced=True
     )
@@ -79,7 +81,8 @@ _CURRENT_MEMORY_S = {"sea": 7200.0}
 def estimator_preset(vehicle: str, water: str) -> EstimatorConfig:
     """Return the settings of a vehicle in a kind of water, as delivered.
 
-    This is the one place that says how strong an unknown current is where.
+    This is the one place that says how strong an unknown current is where: robot, planner and
+    field map take their own copies from here.
 
     Args:
         vehicle: Key of the vehicle; one without settings of its own has the general ones.
@@ -93,7 +96,7 @@ def estimator_preset(vehicle: str, water: str) -> EstimatorConfig:
     )
 
 
-class CurrentConfig(Configuration):
+class WaterMotionConfig(Configuration):
     """How the water moves where the robot works, as far as nobody knows better.
 
     Eddies are forgotten within a dive and add up to the estimator's drift; the steady part stays
@@ -102,7 +105,7 @@ class CurrentConfig(Configuration):
 
     eddy_correlation_s: float = quantity(3.0, "s", title="Eddy correlation time", gt=0.0, le=3600.0)
     """Time over which an eddy remembers itself."""
-    steady_std_m_s: float = quantity(0.0, "m/s", title="Steady current", ge=0.0, le=3.0)
+    steady_std_m_s: float = quantity(0.0, "m/s", title="Unknown current", ge=0.0, le=3.0)
     """Standard deviation per axis of the current that stays."""
     steady_correlation_s: float = quantity(
         36000.0, "s", title="Change of the steady current", gt=0.0, le=1e7, advanced=True
@@ -129,7 +132,7 @@ class OutlierConfig(Configuration):
 class ModelFilterConfig(Configuration):
     """Noise of the filter on the vehicle's model, beyond what ``EstimatorConfig`` says."""
 
-    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    current: WaterMotionConfig = quantity(WaterMotionConfig(), title="Current")
     """Motion of the water."""
     buoyancy_bias_kg: float = quantity(
         0.0003, "kg", title="Ballast error", ge=0.0, le=1.0, display_unit="g"
@@ -180,7 +183,7 @@ class ModelFilterConfig(Configuration):
 MODEL_FILTER_PRESETS: dict[str, ModelFilterConfig] = {
     "miniglider": ModelFilterConfig(),
     "grace3": ModelFilterConfig(
-        current=CurrentConfig(eddy_correlation_s=20.0),
+        current=WaterMotionConfig(eddy_correlation_s=20.0),
         buoyancy_bias_kg=0.002,
         model_error=0.15,
         rate_noise_rad_sqrt_s=0.00063,

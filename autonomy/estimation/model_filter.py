@@ -1,9 +1,10 @@
 """One filter on the vehicle's model: position, velocity, current and ballast error together.
 
-Where dead reckoning only knows that the water moves, this filter learns how: each fix tells how
-far the water carried the robot since the last one, and the depth tells how much lighter or
-heavier it is than the pump's feedback says. The attitude is an input, as the thesis's observer
-takes it, so that no Euler angle is ever averaged.
+Where dead reckoning only knows that the water moves, this filter learns how: the fix that ends a
+dive, or a stay at the surface that is long enough to tell (``telling_stay_s``), says how far the
+water carried the robot, and the depth says how much lighter or heavier it is than the pump's
+feedback does. The attitude is an input, as the thesis's observer takes it, so that no Euler angle
+is ever averaged.
 """
 
 import math
@@ -33,6 +34,8 @@ _TELLING_SHARE = 0.5
 """A stay at the surface tells of the steady current once it could tell it to this share of what was
 believed of it at first: in a shorter one fixes and eddies would be taken for the current."""
 _FIXES_EVERY_S = 1.0
+"""Time between fixes at the surface that ``telling_stay_s`` assumes, as GNSS receivers and cameras
+have it; the stay grows with its cube root only, so it need not be known well."""
 _HORIZONTAL = [kernel.NORTH, kernel.EAST]
 
 

@@ -135,7 +135,7 @@ class FieldConfig(Configuration):
     doubt of that counts; only the model with position-dependent noise can. It helps where the water
     moves by a good part of a length scale during a survey, and harms in still water."""
     steady_current_m_s: float = quantity(
-        0.01, "m/s", title="Unknown steady current", ge=0.0, le=3.0, advanced=True
+        0.01, "m/s", title="Unknown current", ge=0.0, le=3.0, advanced=True
     )
     """Standard deviation per axis of a current of which robots may not be told, before any fix has
     shown how far it carries them; the model with position-dependent noise counts it where a robot

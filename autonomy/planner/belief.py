@@ -150,7 +150,7 @@ class SampleNoise(NamedTuple):
     """Boundaries of the levels in position std, ascending, ``(M,)``, m."""
     level_noise: FloatArray
     """Noise variance of each level, best level first, ``(M + 1,)``."""
-    steady_current: float
+    unknown_current_std_m_s: float
     """Standard deviation per axis of the current that is not known, m/s: along a dive it makes the
     errors of positions more alike than a walk does."""
 
@@ -174,7 +174,8 @@ def sample_noise(config: PlannerConfig, belief: FieldBelief) -> SampleNoise:
         is_continuous=config.fidelity_counts and belief.counts == "noise",
         threshold=threshold,
         level_noise=belief.noise_variance + belief.displacement_noise(begins),
-        steady_current=config.position_filter.doubt * config.position_filter.steady_current_m_s,
+        unknown_current_std_m_s=config.position_filter.doubt
+        * config.position_filter.steady_current_m_s,
     )
 
 

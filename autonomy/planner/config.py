@@ -214,7 +214,7 @@ class MissionConfig(Configuration):
     """A draft counts as outdated this long after it was made."""
 
 
-class CurrentConfig(Configuration):
+class PlannedCurrentConfig(Configuration):
     """The horizontal current that the planner allows for."""
 
     source: Literal["none", "typed", "map"] = quantity("typed", title="Current from")
@@ -312,7 +312,7 @@ class PlannerConfig(Configuration):
         0.0, "m", title="Margin to the floor", ge=0.0, le=1000.0, advanced=True
     )
     """Every leg stays at least this far above the floor."""
-    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    current: PlannedCurrentConfig = quantity(PlannedCurrentConfig(), title="Current")
     """Current that plans allow for."""
     primitives: PrimitiveConfig = quantity(PrimitiveConfig(), title="Motion", advanced=True)
     """Primitives that the robot can fly."""

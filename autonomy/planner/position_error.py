@@ -39,13 +39,15 @@ def planned_noise(belief: FieldBelief, noise: SampleNoise, points: FloatArray) -
         return np.diag(alone)
     added = np.sqrt(np.maximum(alone - belief.noise_variance, 0.0))  # (m,)
     places = points[:, POINT_NORTH : POINT_DOWN + 1]
-    shared = np.multiply.outer(added, added) * error_correlation(points, noise.steady_current)
+    shared = np.multiply.outer(added, added) * error_correlation(
+        points, noise.unknown_current_std_m_s
+    )
     shared *= difference_correlation(belief, places)
     shared[np.diag_indices_from(shared)] = alone
     return shared
 
 
-def error_correlation(points: FloatArray, steady_current: float) -> FloatArray:
+def error_correlation(points: FloatArray, unknown_current_std_m_s: float) -> FloatArray:
     """Return the correlation of the position errors of planned points, shape ``(m, m)``.
 
     Between moments t before t' of one dive the covariance on each axis is that of a walk, its
@@ -55,14 +57,14 @@ def error_correlation(points: FloatArray, steady_current: float) -> FloatArray:
 
     Args:
         points: Planned points, shape ``(m, 5)``; where the depth is 0 a dive ends.
-        steady_current: Standard deviation per axis of the current that is not known, m/s.
+        unknown_current_std_m_s: Standard deviation per axis of the current that is not known, m/s.
     """
     ends = points[:, POINT_DOWN] <= SURFACE_M
     dive = np.cumsum(ends) - ends  # (m,)
     end_s = np.concatenate([[0.0], points[ends, POINT_TIME]])
     time_s = points[:, POINT_TIME] - end_s[dive]  # (m,), since its dive began
     std = points[:, POINT_STD]
-    carried = np.minimum(steady_current * np.maximum(time_s, 0.0), std)  # (m,)
+    carried = np.minimum(unknown_current_std_m_s * np.maximum(time_s, 0.0), std)  # (m,)
     walked = np.square(std) - np.square(carried)
     shared = np.minimum.outer(walked, walked) + np.multiply.outer(carried, carried)
     whole = np.multiply.outer(std, std)

@@ -80,11 +80,9 @@ class FilterConfig(Configuration):
     """The estimator of the target (specification: EKF of 4 states, target velocity, bank)."""
 
     hypotheses: Literal["one", "two", "cloud"] = quantity("cloud", title="Hypotheses")
-    """``two`` also follows the mirrored estimate, which ranges alone cannot tell from the true
-    one until the robot turns, and looks in every direction when ranges contradict the estimate;
-    ``cloud`` does that too, and holds the estimate against thousands of places where the target
-    may be by all ranges so far: for rough ranges and eddies, where an estimate may drift off its
-    target and nothing shows it; ``one`` is the thesis's single filter."""
+    """``cloud``: the joint filter beside the bank, for anything that swims by itself; ``two``: the
+    bank alone, which also follows the mirrored estimate, for a target that hardly changes its
+    velocity; ``one``: the thesis's single filter."""
     target_velocity: Literal["estimated", "known"] = quantity("estimated", title="Target velocity")
     """``known`` is possible for a virtual target or a beacon only."""
     position_density_m2_s: float = quantity(
@@ -287,7 +285,7 @@ _GRACE3 = TrackingConfig(
 )
 """An acoustic tag in the lake. Eddies there are a third as fast as the robot, so it knows its own
 course badly: an orbit of some metres is what its estimate allows, what looks like a moving target
-is believed slowly, and a cloud judges the estimate."""
+is believed slowly, and a joint filter stands beside the bank."""
 
 TRACKING_PRESETS: dict[str, TrackingConfig] = {"miniglider": _MINIGLIDER, "grace3": _GRACE3}
 """Settings a robot starts with, by vehicle, found on the simulated robots with all their

@@ -52,8 +52,9 @@ LONGEST_STEP_S = 60.0
 SLOW_RATIO, LEAST_LEVEL = 0.1, 0.1
 """A target below this share of the robot's cap does not move the barrier's level; the least share
 of the level that is kept."""
-CLOUD_SEED = 4
-"""The cloud's random numbers are the same in every mission: the same ranges give the same track."""
+JOINT_SEED = 4
+"""The joint filter's random numbers are the same in every mission: the same ranges give the same
+track."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +116,7 @@ class Tracker:
         self._timeline = Timeline(bank)
         is_judged = config.filter.hypotheses == "cloud" and not config.barrier.is_teaching
         is_judged = is_judged and config.filter.target_velocity == "estimated"
-        chance = np.random.default_rng(CLOUD_SEED)
+        chance = np.random.default_rng(JOINT_SEED)
         self._arbiter = Arbiter(config, start, chance) if is_judged else None
         self._weave = Weave(config)
         self._watch = TrackWatch(config)

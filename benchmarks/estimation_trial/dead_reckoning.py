@@ -14,13 +14,13 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.configuration import Configuration, quantity
-from autonomy.estimation.config import CurrentConfig, EstimatorConfig
+from autonomy.estimation.config import EstimatorConfig, WaterMotionConfig
 
 
 class DeadReckoningConfig(Configuration):
     """What dead reckoning does not see: moving water, and errors of the model's velocity."""
 
-    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    current: WaterMotionConfig = quantity(WaterMotionConfig(), title="Current")
     """Motion of the water."""
     speed_error_m_s: float = quantity(
         0.001, "m/s", title="Error of the model's speed", ge=0.0, le=1.0, display_unit="mm/s"
@@ -35,7 +35,7 @@ class DeadReckoningConfig(Configuration):
 DEAD_RECKONING_PRESETS: dict[str, DeadReckoningConfig] = {
     "miniglider": DeadReckoningConfig(),
     "grace3": DeadReckoningConfig(
-        current=CurrentConfig(eddy_correlation_s=20.0),
+        current=WaterMotionConfig(eddy_correlation_s=20.0),
         speed_error_m_s=0.003,
         speed_error_correlation_s=80.0,
     ),

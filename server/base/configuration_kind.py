@@ -89,8 +89,10 @@ def _of_controller(kind: ControllerKind) -> ConfigurationKind:
 
 
 def _by_variable(robot: RobotRecord, vehicle: str) -> FieldConfig:
-    del vehicle
-    return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
+    water = estimator_preset(vehicle, robot.site.kind)
+    return FIELD_PRESETS.get(robot.site.variable, FieldConfig()).model_copy(
+        update={"steady_current_m_s": water.steady_current_m_s}
+    )
 
 
 def _planner_by_water(robot: RobotRecord, vehicle: str) -> PlannerConfig:

@@ -118,7 +118,7 @@ class DryRuns:
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
             current_ne_m_s=config.current.steady_ne_m_s,
             flow=config.current.flow,
-            steady_current_m_s=config.position_filter.steady_current_m_s,
+            unknown_current_std_m_s=config.position_filter.steady_current_m_s,
             runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),
             seed=config.seed,
             keep_outs=config.keep_outs,

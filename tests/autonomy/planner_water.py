@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.config import CurrentConfig, PlannerConfig
+from autonomy.planner.config import PlannedCurrentConfig, PlannerConfig
 from autonomy.planner.leg import drift
 from autonomy.planner.leg.edge import random_shape
 from autonomy.planner.leg.waterway import usable_depth_m
@@ -48,7 +48,7 @@ def pool_config(north_m_s: float = 0.0, east_m_s: float = 0.0) -> PlannerConfig:
             "keep_outs": (BUOY, NET),
             "margin_m": 0.05,
             "floor_margin_m": 0.04,
-            "current": CurrentConfig(north_m_s=north_m_s, east_m_s=east_m_s),
+            "current": PlannedCurrentConfig(north_m_s=north_m_s, east_m_s=east_m_s),
         }
     )
 

@@ -11,9 +11,9 @@ from autonomy.estimation import model_kernel as kernel
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
-    CurrentConfig,
     EstimatorConfig,
     ModelFilterConfig,
+    WaterMotionConfig,
     estimator_preset,
 )
 from autonomy.estimation.model_filter import ModelFilter, telling_stay_s
@@ -27,7 +27,7 @@ LEVEL = (0.0, 0.0, 0.0)
 def model_filter(config: ModelFilterConfig | None = None, depth_m: float = 1.0) -> ModelFilter:
     return ModelFilter(
         ESTIMATOR,
-        config or ModelFilterConfig(current=CurrentConfig(steady_std_m_s=0.05)),
+        config or ModelFilterConfig(current=WaterMotionConfig(steady_std_m_s=0.05)),
         MINIGLIDER,
         (0.0, 0.0, depth_m),
         0.01,

@@ -8,7 +8,7 @@ import pytest
 from autonomy.planner.approach import after_approach, approach_energy, shortfall, way_in
 from autonomy.planner.check.check import violations
 from autonomy.planner.check.clearance import clearance_m, floor_contact
-from autonomy.planner.config import CurrentConfig
+from autonomy.planner.config import PlannedCurrentConfig
 from autonomy.planner.leg.edge import departures, planned_points, propose_edge, surfacings
 from autonomy.planner.leg.primitive import dive, glide, spiral, swim
 from autonomy.planner.leg.waterway import usable_depth_m, waterway_of
@@ -229,7 +229,7 @@ def test_no_place_deep_enough_is_said():
 
 
 def test_a_current_too_strong_for_the_way_in_is_said():
-    config = TOLD["miniglider"].model_copy(update={"current": CurrentConfig(north_m_s=-0.2)})
+    config = TOLD["miniglider"].model_copy(update={"current": PlannedCurrentConfig(north_m_s=-0.2)})
     assert "The current is too strong" in way_in(config, (-0.3, 0.7), TANK).refusal
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from autonomy.planner.check.check import violations
-from autonomy.planner.config import CurrentConfig, PlannerConfig
+from autonomy.planner.config import PlannedCurrentConfig, PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.leg.edge import propose_edge, random_shape
 from autonomy.planner.leg.waterway import waterway_of
@@ -74,7 +74,7 @@ def test_a_robot_whose_plan_knows_the_current_surfaces_nearer_to_its_nodes(
     monkeypatch.setattr(RobotDefinition, "estimator", estimator)
     robot = replace(definition, start_ne_m=nodes[0], drift_m_sqrt_s=0.0, current_ne_m_s=current)
     aware = config.model_copy(
-        update={"current": CurrentConfig(north_m_s=current[0], east_m_s=current[1])}
+        update={"current": PlannedCurrentConfig(north_m_s=current[0], east_m_s=current[1])}
     )
     aimed = dives_between(aware, robot, nodes)
     assert violations(tuple(leg for dive in aimed for leg in dive), aware, robot.site) == ()
@@ -90,7 +90,7 @@ def test_legs_lead_to_their_nodes_over_ground_and_tell_the_current_of_each_dive(
     robot, config, nodes, current, _ = CASES[name]
     config = config.model_copy(update=LONG_DIVES)
     aware = config.model_copy(
-        update={"current": CurrentConfig(north_m_s=current[0], east_m_s=current[1])}
+        update={"current": PlannedCurrentConfig(north_m_s=current[0], east_m_s=current[1])}
     )
     legs = tuple(leg for dive in dives_between(aware, robot, nodes) for leg in dive)
     course = over_ground(legs)
@@ -104,7 +104,7 @@ def test_legs_lead_to_their_nodes_over_ground_and_tell_the_current_of_each_dive(
 def test_a_swim_counts_on_the_current_of_the_dive_after_it_and_stays_where_it_is():
     robot, config, nodes, current, _ = CASES["tank"]
     aware = config.model_copy(
-        update={"current": CurrentConfig(north_m_s=current[0], east_m_s=current[1])}
+        update={"current": PlannedCurrentConfig(north_m_s=current[0], east_m_s=current[1])}
     )
     dives = [leg for dive in dives_between(aware, robot, nodes) for leg in dive]
     swim = primitive.swim(aware, (0.2, 0.5, 0.0), dives[0].start_ned)

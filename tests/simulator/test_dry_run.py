@@ -101,7 +101,7 @@ def test_a_single_flight_or_one_that_breaks_off_lets_expect_no_track():
 
 
 def test_what_nobody_knows_of_the_current_differs_by_flight_and_cancels():
-    asked = problem(runs=4, current_ne_m_s=(0.01, -0.02), steady_current_m_s=0.03, seed=5)
+    asked = problem(runs=4, current_ne_m_s=(0.01, -0.02), unknown_current_std_m_s=0.03, seed=5)
     met = np.array([dry_run._current_ne_m_s(asked, number) for number in range(4)])
     np.testing.assert_allclose(met.mean(axis=0), (0.01, -0.02), atol=1e-12)
     np.testing.assert_allclose(np.sqrt(((met - met.mean(axis=0)) ** 2).mean(axis=0)), 0.03)

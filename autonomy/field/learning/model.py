@@ -153,7 +153,7 @@ def _learn_position_noise(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
         starts = [work.config.single, config.single]
     if current_m_s == work.config.steady_current_m_s:
         return config, kernels
-    fact = f"unknown steady current: {100.0 * current_m_s:.2g} cm/s on each axis"
+    fact = f"unknown current: {100.0 * current_m_s:.2g} cm/s on each axis"
     return config.model_copy(update={"steady_current_m_s": current_m_s}), (*kernels, fact)
 
 

@@ -161,7 +161,7 @@ def _shared_noise(info: Information, begin: int, i: int, j: int) -> float:
     one, other = info.stack.run[i], info.stack.run[j]
     if one[_ADDED] * other[_ADDED] == 0.0 or one[_DIVE] != other[_DIVE]:
         return 0.0
-    current = info.sample_noise.steady_current
+    current = info.sample_noise.unknown_current_std_m_s
     std, other_std = math.sqrt(one[_VARIANCE]), math.sqrt(other[_VARIANCE])
     carried = min(current * max(one[_TIME], 0.0), std)
     other_carried = min(current * max(other[_TIME], 0.0), other_std)

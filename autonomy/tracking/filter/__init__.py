@@ -1,1 +1,1 @@
-"""Where the target is: the filter bank, and the cloud that judges it."""
+"""Where the target is: the filter bank, the joint filter beside it, and who is followed."""

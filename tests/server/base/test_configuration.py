@@ -1,5 +1,7 @@
 """Tunable models by REST: validated, versioned, never overwritten."""
 
+from dataclasses import replace
+
 import pytest
 
 from autonomy.planner.preset import PLANNER_PRESETS
@@ -28,6 +30,14 @@ async def app(tmp_path):
 async def admin(app):
     async with signed_in(app) as client:
         yield client
+
+
+@pytest.mark.parametrize(("kind", "current_m_s"), [("tank", 0.01), ("lake", 0.05), ("sea", 0.2)])
+def test_plans_and_maps_take_the_unknown_current_of_the_kind_of_water(kind, current_m_s):
+    robot = replace(robot_record(), site=LAKE.model_copy(update={"kind": kind}))
+    planner = KINDS["planner"].preset(robot, "grace3")
+    assert planner.position_filter.steady_current_m_s == current_m_s
+    assert KINDS["field"].preset(robot, "grace3").steady_current_m_s == current_m_s
 
 
 async def test_every_kind_has_a_value_and_a_schema_with_units(admin):

@@ -44,7 +44,7 @@ async def test_draft_promises_what_its_flights_let_expect(client, workers):
     for leg, rows in zip(legs, expected, strict=True):
         np.testing.assert_allclose(rows[0, 1:4], np.add(leg["start_ned"], (0.0, 0.2, 0.0)))
         np.testing.assert_allclose(rows[-1, 1:4], np.add(leg["end_ned"], (0.0, 0.2, 0.0)))
-    assert workers.dry_runs[0].steady_current_m_s == pytest.approx(
+    assert workers.dry_runs[0].unknown_current_std_m_s == pytest.approx(
         draft["config"]["position_filter"]["steady_current_m_s"]
     )
 
