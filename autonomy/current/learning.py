@@ -90,7 +90,7 @@ def _evidence_of(
     places = [place for place in amplitudes if start[place] > 0.0]
     if start[EDDY_STD] > 0.0:
         places.append(EDDY_LENGTH)
-    walk = [0.0 if one.is_surface else one.walk_std_m**2 for one in observations]
+    walk = [one.walk_std_m**2 for one in observations]
     fixed = [(2.0 if one.is_surface else 1.0) * one.fix_std_m**2 for one in observations]
     functionals = joined([one.functional() for one in observations])
     functionals.points[..., 3] -= functionals.points[..., 3].min()

@@ -37,14 +37,13 @@ from autonomy.current.kernel import (
     prior_blocks,
 )
 from autonomy.current.table import TABLE_SHAPE, FlowRecord
+from autonomy.estimation.config import FASTEST_CURRENT_M_S
 from autonomy.site import Box
 
 MIDPOINTS = 6
 """Points of the sum that stands for the integral along a dive."""
 FEWEST = 3
 """Observations from which a map tells more than its prior."""
-FASTEST_M_S = 3.0
-"""No current carries a robot faster."""
 _LIVES = 5.0
 """What is older than so many memories tells nothing."""
 _TRACK_ROUNDS = 2
@@ -66,7 +65,8 @@ class Observation:
     displacement_ne_m: tuple[float, float]
     """Last fix less where the robot believed to be, north and east."""
     walk_std_m: float
-    """Standard deviation, per axis, of what dead reckoning was wrong by without any current."""
+    """Standard deviation, per axis, of what dead reckoning was wrong by without any current; of a
+    stay, of what eddies displaced it by."""
     fix_std_m: float
     """Standard deviation of the last fix, per axis."""
     is_surface: bool = False
@@ -95,8 +95,8 @@ class Observation:
             return "its numbers are not finite"
         if len(self.time_s) < 2 or not np.all(np.diff(self.time_s) > 0.0):
             return "its times do not ascend"
-        if math.hypot(*self.displacement_ne_m) > FASTEST_M_S * self.duration_s:
-            return f"no current is faster than {FASTEST_M_S:g} m/s"
+        if math.hypot(*self.displacement_ne_m) > FASTEST_CURRENT_M_S * self.duration_s:
+            return f"no current is faster than {FASTEST_CURRENT_M_S:g} m/s"
         return None
 
     def functional(self) -> Functionals:
@@ -222,9 +222,13 @@ class CurrentMap:
                 f"The dive drifted {error_m:.1f} m from what the map of the current expected;"
                 " it counts little.",
             )
+        before = self.copy()
         self._insert(observation)
         self._forget()
-        self._fit()
+        if not self._fit():
+            self.__dict__.update(before.__dict__)
+            text = "The dive cannot be told from others that the map is made of."
+            return Appended(Taking.REFUSED, text)
         return appended
 
     @classmethod
@@ -350,9 +354,8 @@ class CurrentMap:
 
     def _noise(self, one: Observation) -> float:
         """Return the variance per axis of what was observed, m²."""
-        if one.is_surface:
-            return 2.0 * one.fix_std_m**2
-        return (self._walk_factor * one.walk_std_m) ** 2 + one.fix_std_m**2
+        walked = (self._walk_factor * one.walk_std_m) ** 2
+        return walked + (2.0 if one.is_surface else 1.0) * one.fix_std_m**2
 
     def _insert(self, observation: Observation) -> None:
         """Put an observation in its place in time, with its row of the prior covariance."""
@@ -382,16 +385,17 @@ class CurrentMap:
             del self._observations[:drop], self._functionals[:drop]
             self._prior = self._prior[2 * drop :, 2 * drop :]
 
-    def _fit(self) -> None:
-        """Factor the covariance of what was observed; what has no factor changes nothing."""
+    def _fit(self) -> bool:
+        """Factor the covariance of what was observed; False, and no change, if it has no factor."""
         noise = np.repeat([self._noise(one) for one in self._observations], 2)
         factor = factor_of(self._prior + np.diag(noise))
         if factor is None:
-            return
+            return False
         told = np.array([one.displacement_ne_m for one in self._observations]).ravel()
         self._factor = factor
         self._alpha = cho_solve((factor, True), told, check_finite=False)
         self._fitted = list(self._functionals)
+        return True
 
     def _shifted(self, functionals: Functionals) -> Functionals:
         """Count times from the first observation, so that no digits are lost."""

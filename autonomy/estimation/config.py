@@ -5,6 +5,8 @@ from typing import Literal
 
 from autonomy.configuration import Configuration, quantity
 
+FASTEST_CURRENT_M_S = 3.0
+"""No current of a water that is surveyed is taken to be faster."""
 MOST_DOUBT = 10.0
 """A robot whose fixes surprise it more than this is lost, whatever it states."""
 
@@ -16,7 +18,9 @@ class EstimatorConfig(Configuration):
     """``model``: one filter on the vehicle's model that learns current and ballast error from fixes
     and depth. ``position``: velocity observer and position filter, which learn no current; their
     uncertainty allows for one."""
-    steady_current_m_s: float = quantity(0.01, "m/s", title="Unknown current", ge=0.0, le=3.0)
+    steady_current_m_s: float = quantity(
+        0.01, "m/s", title="Unknown current", ge=0.0, le=FASTEST_CURRENT_M_S
+    )
     """Standard deviation per axis of the current that stays for many dives, before any fix has told
     it; as delivered that of the kind of water. A plan reckons with the planner's copy until the
     robot has said what it knows; a map reckons with the field's; the robot begins with its own,

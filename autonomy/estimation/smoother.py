@@ -34,6 +34,8 @@ _LONGEST_GAP_S = 120.0
 """A dive whose end was not seen within this time of the fix is left as it is."""
 _UNSEEN_TURN = 0.5
 """Part of the last speed by which the robot may have changed its velocity unseen."""
+BELIEF_HOLDS_S = 3600.0
+"""What a robot said of the current so long before a dive has been changed by fixes since."""
 _SHORTEST_S = 1e-3
 """A dive of one moment has no time to drift in."""
 
@@ -57,6 +59,8 @@ class Dive:
     """The current with which it reckoned."""
     believed_std_m_s: float = 0.0
     """How well it knew that, standard deviation per axis."""
+    is_belief_told: bool = False
+    """Whether it had said so."""
 
     @property
     def duration_s(self) -> float:
@@ -123,7 +127,8 @@ def finished_dives(
         position_ned: Where the robot believed to be, shape ``(n, 3)``, m.
         position_std_m: What it said of that, shape ``(n,)``, m. A fix is seen by its fall.
         beliefs: What it said of the current: time s, north, east and standard deviation m/s, in
-            order of time, shape ``(m, 4)``; None of a robot that reckons with none.
+            order of time, shape ``(m, 4)``; None of a robot that reckons with none. What it said
+            longer than ``BELIEF_HOLDS_S`` before a dive is not what it reckoned that with.
 
     Returns:
         Dives in order of time; those too short or with an unseen end are left out.
@@ -167,10 +172,10 @@ def smooth_dive(
 def _believing(dive: Dive, beliefs: FloatArray) -> Dive:
     """Return a dive with what the robot had said last of the current when it ended."""
     known = int(np.searchsorted(beliefs[:, 0], dive.end_s, side="right"))
-    if known == 0:
+    if known == 0 or beliefs[known - 1, 0] < dive.start_s - BELIEF_HOLDS_S:
         return dive
     _, north, east, std = beliefs[known - 1].tolist()
-    return replace(dive, believed_ne_m_s=(north, east), believed_std_m_s=std)
+    return replace(dive, believed_ne_m_s=(north, east), believed_std_m_s=std, is_belief_told=True)
 
 
 def _start_of(position_std_m: FloatArray, last: int) -> int:

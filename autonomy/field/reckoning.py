@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.estimation.config import FASTEST_CURRENT_M_S
 
 if TYPE_CHECKING:
     from autonomy.field.samples import FieldSamples
@@ -45,8 +46,6 @@ _WALK_SPREAD = 0.5
 _WALKS = np.exp(np.linspace(math.log(0.2), math.log(5.0), 25))
 _CURRENTS = np.exp(np.linspace(math.log(0.03), math.log(30.0), 31))
 """Currents that are weighed, in the prior's standard deviation."""
-_FASTEST_M_S = 3.0
-"""No water is faster: a jump that would ask for it is a wrong fix, and tells nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +246,7 @@ def error_scale(reckoning: Reckoning, dive: IntArray, prior_m_s: float) -> Error
     one = reckoning[known[first]]
     square = np.square(one.jump_ne_m).sum(axis=1)
     is_possible = np.isfinite(one.end_s) & np.isfinite(one.end_variance_m2)
-    is_possible &= square <= np.square(_FASTEST_M_S * one.end_s)
+    is_possible &= square <= np.square(FASTEST_CURRENT_M_S * one.end_s)
     one, square = one[is_possible], square[is_possible]
     if not len(square):
         return ErrorScale(1.0, prior_m_s)

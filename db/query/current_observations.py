@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from db.current_tables import CurrentObservationRow
@@ -24,7 +24,7 @@ class ObservationRecord:
     ended_at: datetime
     is_surface: bool
     document: Mapping[str, Any]
-    """Its numbers, and what was predicted of it."""
+    """Its numbers, what was predicted of it, and the ``water`` in whose frame they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +67,25 @@ def add_observation(session: Session, record: ObservationRecord) -> bool:
 
 
 def newest_observations(
-    session: Session, robots: Sequence[str], limit: int
+    session: Session, robots: Sequence[str], limit: int, water: str
 ) -> list[ObservationRecord]:
-    """Return the newest observations of some robots, in the order of their ends."""
+    """Return the newest observations of some robots in a water, in the order of their ends.
+
+    Args:
+        session: A reading session.
+        robots: Their ids.
+        limit: Most to return.
+        water: What ``document["water"]`` is; an observation without it counts for any.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
     names = {robot_key(session, one): RobotId(one) for one in robots}
+    kept_water = CurrentObservationRow.document["water"].as_string()
     statement = (
         select(CurrentObservationRow)
         .where(CurrentObservationRow.robot_key.in_(names))
+        .where(or_(kept_water.is_(None), kept_water == water))
         .order_by(CurrentObservationRow.ended_at.desc(), CurrentObservationRow.key.desc())
         .limit(limit)
     )

@@ -2,9 +2,11 @@
 
 from datetime import datetime
 
+import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from autonomy.arrays import FloatArray
 from db.current_tables import CurrentReportRow
 from db.query.robots import robot_key
 from db.record import same
@@ -50,6 +52,24 @@ def current_reports(
     if first is not None:
         statement = statement.where(at >= first.measured_at)
     return [_report(row, robot) for row in session.scalars(statement.order_by(at))]
+
+
+def believed_currents(
+    session: Session, robot: str, start: datetime | None, end: datetime
+) -> FloatArray:
+    """Return ``current_reports`` as ``autonomy.estimation.smoother.finished_dives`` takes them.
+
+    Returns:
+        Time s, north, east and standard deviation m/s of each, shape ``(m, 4)``.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    rows = [
+        (one.measured_at.timestamp(), *one.current_ne_m_s, one.current_std_m_s)
+        for one in current_reports(session, robot, start, end)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
 def _report(row: CurrentReportRow, robot: str) -> CurrentReport:

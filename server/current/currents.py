@@ -27,7 +27,7 @@ from db.query.current_observations import (
     fixes_between,
     newest_observations,
 )
-from db.query.current_reports import current_reports
+from db.query.current_reports import believed_currents
 from db.query.events import add_event
 from db.query.robots import RobotRecord
 from db.query.settings import get_setting, put_setting
@@ -61,6 +61,8 @@ class _Piece:
 
     seen: Seen
     stays: tuple[Observation, ...]
+    stay: Stay
+    """The one that was under way at its end."""
     until: datetime
     is_whole: bool
 
@@ -104,7 +106,7 @@ class Currents:
     def take_robot(self, event: RobotChanged) -> None:
         """Take that a robot was added, or works elsewhere."""
         self._foundation.background.start(
-            f"current of {event.record.id}", self._open_or_tell(event.record)
+            f"current of {event.record.id}", self._open_and_look(event.record)
         )
 
     def take_settings(self, event: SettingsChanged) -> None:
@@ -112,20 +114,13 @@ class Currents:
         if event.kind == KIND:
             for status in list(self._fleet.statuses):
                 self._foundation.background.start(
-                    f"current of {status.record.id}", self._open_or_tell(status.record)
+                    f"current of {status.record.id}", self._open_and_look(status.record)
                 )
 
     async def start(self) -> None:
         """Make the maps of all waters of what is stored, and look for dives that nobody saw."""
         for status in list(self._fleet.statuses):
-            record = status.record
-            if record.kind == "recorded":
-                continue
-            await self._open_or_tell(record)
-            fix = await self._store.query(lambda s, robot=record.id: newest_fix(s, robot))
-            if fix is not None:
-                self._told[record.id] = (fix, time.monotonic())
-                self._news.set()
+            await self._open_and_look(status.record)
 
     async def run(self) -> None:
         """Look at the tracks of robots that took a fix, until cancelled."""
@@ -147,34 +142,39 @@ class Currents:
             StoreError: Nothing of the piece under way was kept; look again.
         """
         fix = await self._store.query(lambda session: newest_fix(session, robot))
-        told = self._told.get(robot)
-        if told is not None:
-            is_here = fix is not None and fix >= told[0]
-            if is_here or time.monotonic() - told[1] > _PATIENCE_S:
-                del self._told[robot]
-            else:
-                self._news.set()
-        if fix is None or self.of(robot) is None:
+        told, here = self._told.get(robot), self.of(robot)
+        if fix is not None and here is not None and here.config.enabled:
+            is_whole = False
+            while not is_whole:
+                since = self._looked.get(robot)
+                if since is not None and fix <= since:
+                    break
+                piece = await self._piece(robot, since, fix)
+                await self._take(robot, piece)
+                is_whole = piece.is_whole
+        if told is None or self._told.get(robot) != told:
             return
-        while True:
-            since = self._looked.get(robot)
-            if since is not None and fix <= since:
-                return
-            piece = await self._piece(robot, since, fix)
-            await self._take(robot, piece)
-            if piece.is_whole:
-                return
+        if (fix is not None and fix >= told[0]) or time.monotonic() - told[1] > _PATIENCE_S:
+            del self._told[robot]
+        else:
+            self._news.set()
 
-    async def _open_or_tell(self, record: RobotRecord) -> None:
+    async def _open_and_look(self, record: RobotRecord) -> None:
+        """Make the map of a robot's water, and let its track be looked at up to its newest fix."""
+        if record.kind == "recorded":
+            return
         try:
             await self._open(record)
+            fix = await self._store.query(lambda session: newest_fix(session, record.id))
         except StoreError as error:
             log.warning("the current of %s's water was not read: %s", record.id, error)
+            return
+        if fix is not None:
+            self._told.setdefault(record.id, (fix, time.monotonic()))
+            self._news.set()
 
     async def _open(self, record: RobotRecord) -> None:
         """Make the map of a robot's water of what is stored, if it is not that already."""
-        if record.kind == "recorded":
-            return
         water, robot = Water.of(record), record.id
         async with self._turn:
             config = await self._config(record)
@@ -199,7 +199,7 @@ class Currents:
 
     async def _make(self, water: Water, robots: tuple[str, ...], config: CurrentMapConfig) -> None:
         def read(session: Session) -> tuple[list[KeptObservation], Mapping[str, Any] | None]:
-            rows = newest_observations(session, robots, config.dives_max)
+            rows = newest_observations(session, robots, config.dives_max, _digest(water))
             return [KeptObservation.of(row) for row in rows], get_setting(session, _name(water))
 
         kept, said = await self._store.query(read)
@@ -215,7 +215,7 @@ class Currents:
         estimator = (await self._foundation.configurations.current("estimator", robot)).value_as(
             EstimatorConfig
         )
-        stay = self._stays.setdefault(robot, Stay())
+        stay = self._stays.get(robot, Stay())
 
         def read(session: Session) -> _Piece:
             track = track_columns(session, robot, since, fix, ROWS_PER_LOOK)
@@ -226,7 +226,7 @@ class Currents:
                 robot,
                 track,
                 fixes,
-                current_reports(session, robot, since, until),
+                believed_currents(session, robot, since, until),
                 drift_m_sqrt_s=estimator.drift_m_sqrt_s,
                 subtracts_silently=estimator.method == "model",
             )
@@ -234,7 +234,8 @@ class Currents:
             fixed = [one.measured_at for one in fixes if one.has_fix]
             if not is_whole and fixed and (since is None or fixed[-1] > since):
                 until = fixed[-1]
-            return _Piece(seen, tuple(stay.take(robot, fixes)), until, is_whole)
+            left, stays = stay.with_reports(robot, fixes, estimator)
+            return _Piece(seen, stays, left, until, is_whole)
 
         return await self._store.query(read)
 
@@ -251,7 +252,7 @@ class Currents:
             elif piece.seen.observations:
                 grown.left_out = {k: v for k, v in here.left_out.items() if k != robot}
             await self._keep(robot, taken, piece)
-            self._looked[robot] = piece.until
+            self._looked[robot], self._stays[robot] = piece.until, piece.stay
             self._waters[here.water] = grown
         if observations or piece.seen.left_out:
             self._tell(here.water)
@@ -260,13 +261,13 @@ class Currents:
             self._foundation.background.start(f"learn the current of {robot}", self._learn(grown))
 
     async def _keep(self, robot: RobotId, taken: Taken, piece: _Piece) -> None:
-        at = self._foundation.clock.now()
+        at, water = self._foundation.clock.now(), _digest(self._of[robot])
 
         def write(session: Session) -> None:
             for one in taken.kept:
-                add_observation(session, one.record())
+                add_observation(session, one.record(water))
             for whose, appended in taken.told:
-                kind = f"current.{appended.taking.value}"
+                kind = f"current.dive_{appended.taking.value}"
                 add_event(session, at, kind, f"{whose}: {appended.text}", robot=whose)
             us = round(piece.until.timestamp() * 1e6)
             put_setting(session, _looked_name(robot), {"us": us})
@@ -317,5 +318,8 @@ def _looked_name(robot: str) -> str:
 
 
 def _name(water: Water) -> str:
-    digest = hashlib.sha256(json.dumps(asdict(water)).encode()).hexdigest()
-    return f"current learned: {digest[:16]}"
+    return f"current learned: {_digest(water)}"
+
+
+def _digest(water: Water) -> str:
+    return hashlib.sha256(json.dumps(asdict(water)).encode()).hexdigest()[:16]

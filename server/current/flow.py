@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.current.model import FEWEST, CurrentMap
+from autonomy.current.model import CurrentMap
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
 from server.current.view import FlowArrowView
@@ -108,8 +108,3 @@ def table(grid: FlowGrid, site: Site, at: datetime, *, is_simulation: bool) -> s
         numbers = [f"{value:.3f}" for value in place] + [f"{value:.8f}" for value in degree]
         rows.writerow([*numbers, *(f"{v:.5f}" for v in (mean[1], mean[0], one[1], one[0]))])
     return written.getvalue()
-
-
-def is_tabulated(known: CurrentMap) -> bool:
-    """Tell whether there are observations enough for arrows."""
-    return len(known.observations) >= FEWEST

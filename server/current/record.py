@@ -4,13 +4,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from autonomy.current.model import CurrentMap, Observation
 from db.query.current_observations import ObservationRecord
 from robot_link.messages import RobotId
+
+_Kept = TypeVar("_Kept")
 
 _LONGEST_WAIT = 4.0
 """A prediction is for a dive that begins within so many times the length of the one before."""
@@ -50,8 +52,8 @@ class KeptObservation:
     forecast: Forecast | None
     verdict: Verdict | None
 
-    def record(self) -> ObservationRecord:
-        """Return it as a row."""
+    def record(self, water: str) -> ObservationRecord:
+        """Return it as a row of a water, told by its digest."""
         one = self.observation
         start_s = float(one.time_s[0])
         document: dict[str, Any] = {
@@ -61,6 +63,7 @@ class KeptObservation:
             "displacement_ne_m": list(one.displacement_ne_m),
             "walk_std_m": one.walk_std_m,
             "fix_std_m": one.fix_std_m,
+            "water": water,
             "forecast": None if self.forecast is None else asdict(self.forecast),
             "verdict": None if self.verdict is None else asdict(self.verdict),
         }
@@ -89,9 +92,17 @@ class KeptObservation:
         forecast, verdict = document["forecast"], document["verdict"]
         return cls(
             observation,
-            None if forecast is None else Forecast(**forecast),
-            None if verdict is None else Verdict(**verdict),
+            None if forecast is None else _read(Forecast, forecast),
+            None if verdict is None else _read(Verdict, verdict),
         )
+
+
+def _read(kind: type[_Kept], document: Mapping[str, Any]) -> _Kept | None:
+    """Return what a document holds; ``None`` if it is of another shape."""
+    try:
+        return kind(**document)
+    except TypeError:
+        return None
 
 
 def forecast_after(known: CurrentMap, dive: Observation) -> Forecast:

@@ -16,7 +16,7 @@ from server.base.problem import conflict, not_found
 from server.base.view import encoded
 from server.current import words
 from server.current.currents import Currents
-from server.current.flow import arrows, flow_grid, is_tabulated, table
+from server.current.flow import arrows, flow_grid, table
 from server.current.view import CurrentStatusView, CurrentWorthView, FlowAtView, FlowView
 from server.current.water_current import WaterCurrent
 from server.fleet.dependency import FleetDep
@@ -46,7 +46,7 @@ async def get_current(
     now_s = foundation.clock.now().timestamp()
     state = status.state
     texts = [words.dives_text(found)]
-    if state is not None and found.config.enabled and is_tabulated(found.known):
+    if state is not None and found.has_enough:
         place = state.position_ned
         texts.append(await asyncio.to_thread(words.place_text, found.known, robot, place, now_s))
         texts.append(await asyncio.to_thread(words.tide_text, found.known, place, now_s))
@@ -89,9 +89,9 @@ async def get_flow(
     now = foundation.clock.now()
     when = at or now
     is_simulation = _is_simulation(foundation, found)
-    if not (found.config.enabled and is_tabulated(found.known)):
-        if format is FlowFormat.CSV:
-            raise conflict(f"There is no map of the current. {words.dives_text(found)}")
+    if format is FlowFormat.CSV:
+        _refuse_without_map(found)
+    if not found.has_enough:
         nothing = FlowView(robot, record.site.name, when, when > now, False, 0.0, [], is_simulation)
         return encoded(nothing)
     grid = await asyncio.to_thread(flow_grid, found.known, record.site, when.timestamp())
@@ -129,13 +129,20 @@ async def get_flow_at(
     """Return the current at a place, depth and time, with its standard deviation."""
     del caller
     fleet.status(robot)
-    known = _found(currents, robot).known
+    found = _found(currents, robot)
+    _refuse_without_map(found)
+    known = found.known
     when = at or foundation.clock.now()
     point = np.array([[north_m, east_m, depth_m, when.timestamp()]])
     flow = await asyncio.to_thread(known.flow, point)
     north, east = flow.mean_ne_m_s[0].tolist()
     std = np.sqrt(np.maximum(np.diag(flow.cov_m2_s2[0]), 0.0)).tolist()
     return FlowAtView((north, east), (std[0], std[1]), when)
+
+
+def _refuse_without_map(found: WaterCurrent) -> None:
+    if not found.has_enough:
+        raise conflict(f"There is no map of the current. {words.dives_text(found)}")
 
 
 def _found(currents: Currents, robot: str) -> WaterCurrent:

@@ -75,17 +75,25 @@ class WaterCurrent:
         return tuple(one for one in self.known.observations if not one.is_surface)
 
     @property
+    def has_enough(self) -> bool:
+        """Whether the map is wanted, and of dives enough to tell anything."""
+        return self.config.enabled and len(self.dives) >= FEWEST
+
+    @property
     def is_learning_due(self) -> bool:
         """Whether there is enough that was not learned from."""
         config = self.config
         first = self.known.learned is None
-        return config.learn and self.new >= (config.learn_first if first else config.learn_every)
+        return (
+            config.enabled
+            and config.learn
+            and self.new >= (config.learn_first if first else config.learn_every)
+        )
 
     def is_usable(self, now_s: float) -> bool:
         """Tell whether a plan may rely on the map now."""
         age_s = now_s - self.known.newest_s
-        is_told = len(self.known.observations) >= FEWEST
-        return self.config.enabled and is_told and age_s <= self.config.basin_memory_s
+        return self.has_enough and age_s <= self.config.basin_memory_s
 
     def with_observations(
         self, observations: Sequence[Observation]

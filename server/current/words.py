@@ -31,7 +31,7 @@ def dives_text(found: WaterCurrent) -> str:
     robots = sorted({one.robot for one in dives})
     names = robots[0] if len(robots) == 1 else f"{', '.join(robots[:-1])} and {robots[-1]}"
     text = f"From {len(dives)} dive{'s' if len(dives) > 1 else ''} of {names}."
-    if len(found.known.observations) < FEWEST:
+    if len(dives) < FEWEST:
         text += f" It takes {FEWEST} to tell anything."
     return text
 

@@ -32,6 +32,7 @@ from server.fleet.status import (
     remembered_link,
 )
 from server.fleet.trail import Track
+from server.fleet.water import Water
 from server.vehicle.vehicles import Vehicles
 
 _POSITION_LIMIT_S = 5.0
@@ -77,6 +78,8 @@ class Fleet:
             status.disabled_links = self._disabled_links
             self._statuses[record.id] = status
         else:
+            if Water.of(status.record) != Water.of(record):
+                status.current_report = None
             status.record = record
             for uri in [one for one, link in status.links.items() if link.uri]:
                 if uri not in record.links:

@@ -6,6 +6,7 @@ samples of one look are kept in one transaction, and looking twice changes nothi
 """
 
 import asyncio
+import copy
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from autonomy.arrays import FloatArray, spaced
 from autonomy.estimation.fix_watch import FixWatch
 from autonomy.estimation.smoother import Dive, finished_dives, smooth_dive
 from db.column import moment
-from db.query.current_reports import current_reports
+from db.query.current_reports import believed_currents
 from db.query.events import add_event
 from db.query.smoothing import (
     SmoothedPlace,
@@ -30,7 +31,7 @@ from db.query.smoothing import (
 )
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.messages import CurrentReport, Sample
+from robot_link.messages import Sample
 from server.fleet.current_words import DOUBT_TOLD, LIKELY_WHY
 
 ROWS_PER_LOOK = 20_000
@@ -94,8 +95,6 @@ class Smoothing:
         """Newest fix that the database had at the last look, by robot."""
         self._watches: defaultdict[str, FixWatch] = defaultdict(FixWatch)
         """How far the dives of each robot ended from where it believed to be."""
-        self._doubted: set[str] = set()
-        """Robots whose dives go farther than they state, which was told."""
         self._looking = asyncio.Lock()
 
     def feed(self, samples: Sequence[Sample]) -> None:
@@ -173,7 +172,7 @@ class Smoothing:
         def work(session: Session) -> tuple[list[SmoothedPlace], list[SmoothedDive], int | None]:
             start = newest_fix(session, robot, before=begin)
             track = track_columns(session, robot, start, fix, ROWS_PER_LOOK)
-            beliefs = believed_currents(current_reports(session, robot, start, fix))
+            beliefs = believed_currents(session, robot, start, fix)
             is_whole = len(track) < ROWS_PER_LOOK
             if not is_whole:
                 track = _up_to_last_fix(track)
@@ -185,51 +184,44 @@ class Smoothing:
         # Samples that come late by satellite move a dive again; that is no news.
         announced = self._announced[robot]
         untold = [one for one in dives if one.dive.fix_time_s not in announced]
-        doubts = [self._judged(robot, one.dive) for one in untold]
+        watch = copy.deepcopy(self._watches[robot])
+        doubts = _judged(robot, watch, [one.dive for one in untold])
 
         def keep(session: Session) -> None:
             keep_smoothed(session, robot, places)
             for one in untold:
                 text = one.text(robot)
                 add_event(session, at, "dive.smoothed", text, robot=robot, data=one.document())
-            for text in filter(None, doubts):
+            for text in doubts:
                 add_event(session, at, "dive.doubted", text, level="watch", robot=robot)
 
         await self._store.write(keep)
+        self._watches[robot] = watch
         announced.update(one.dive.fix_time_s for one in untold)
         if self._newest[robot] >= fix:
             # What was taken after this fix waits for the next.
             self._restore(robot, fix)
         return sum(one.samples for one in dives), more
 
-    def _judged(self, robot: str, dive: Dive) -> str:
-        """Hold a dive against what the robot had stated; say so once when its dives go too far."""
-        watch = self._watches[robot]
-        known = dive.walk_std_m**2 + dive.fix_std_m**2
-        watch.take(2.0 * dive.surprise, known / (known + dive.carried_std_m**2))
-        was_told = robot in self._doubted
-        if watch.doubt < DOUBT_TOLD:
-            self._doubted.discard(robot)
-            return ""
-        self._doubted.add(robot)
-        if was_told:
-            return ""
-        return (
-            f"The last {watch.dives} dives of {robot} ended farther from where it believed to be "
-            f"than it had stated, as if it were {watch.doubt:.1f} times less sure: {LIKELY_WHY}."
-        )
-
     def _restore(self, robot: str, first: datetime) -> None:
         """Note that samples from a moment on are to be looked at."""
         self._pending[robot] = min(self._pending.get(robot, first), first)
 
 
-def believed_currents(reports: Sequence[CurrentReport]) -> FloatArray:
-    """Return what a robot believed of the current as ``finished_dives`` takes it."""
-    rows = [
-        (one.measured_at.timestamp(), *one.current_ne_m_s, one.current_std_m_s) for one in reports
-    ]
-    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+def _judged(robot: str, watch: FixWatch, dives: Sequence[Dive]) -> list[str]:
+    """Hold dives against what the robot had stated; say so once when they begin to go too far."""
+    found: list[str] = []
+    for dive in dives:
+        was_doubted = watch.doubt >= DOUBT_TOLD
+        known = dive.walk_std_m**2 + dive.fix_std_m**2
+        watch.take(2.0 * dive.surprise, known / (known + dive.carried_std_m**2))
+        if watch.doubt >= DOUBT_TOLD and not was_doubted:
+            found.append(
+                f"The last {watch.dives} dives of {robot} ended farther from where it believed to "
+                f"be than it had stated, as if it were {watch.doubt:.1f} times less sure: "
+                f"{LIKELY_WHY}."
+            )
+    return found
 
 
 def smoothed_places(

@@ -3,7 +3,6 @@
 import asyncio
 import math
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -59,19 +58,17 @@ class PlanFlows:
         return PlannedCurrent(_with_flow(config, flow.model_dump()), text)
 
     async def surfacings(
-        self, robot: str, config: PlannerConfig, legs: tuple[Leg, ...], at: datetime
+        self, robot: str, config: PlannerConfig, legs: tuple[Leg, ...]
     ) -> list[dict[str, Any]]:
-        """Return where each dive of a plan that begins at a moment will come up, and how surely.
+        """Return where each dive of a plan made in the map's current will come up, how surely.
 
-        Nothing where the map of the current tells too little.
+        Nothing for a plan that was made in another current, whose dives are not aimed off for the
+        map's, nor where the map tells too little by now.
         """
-        known = self._currents.usable(robot)
-        if known is None:
+        known, flow = self._currents.usable(robot), config.current.flow
+        if known is None or flow is None:
             return []
-        from_s = at.timestamp()
-        if config.current.flow is not None:
-            from_s = config.current.flow.from_s
-        return await asyncio.to_thread(surfacings_of, known, config, legs, from_s)
+        return await asyncio.to_thread(surfacings_of, known, config, legs, flow.from_s)
 
 
 def round_duration_s(config: PlannerConfig) -> float:

@@ -409,8 +409,8 @@ class Planning:
         found: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
         """Keep a trajectory: as a draft, or, before its dry run, in planning."""
-        now, legs = self._foundation.clock.now(), draft.mission.legs
-        comes_up = await self._flows.surfacings(plan.robot, config, legs, now)
+        legs = draft.mission.legs
+        comes_up = await self._flows.surfacings(plan.robot, config, legs)
         document = {**(found or {}), "draft_text": text, "comes_up": comes_up}
         dry_run = self._dry_runs.before(plan.robot, config)
         if dry_run is not None:

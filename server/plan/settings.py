@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from autonomy.estimation.config import MOST_DOUBT
+from autonomy.estimation.config import FASTEST_CURRENT_M_S, MOST_DOUBT
 from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
@@ -57,11 +57,13 @@ class PlanSettings:
         position = config.position_filter
         age_s = max(0.0, self._fleet.age_s(report.measured_at))
         std_m_s = report.current_std_m_s / max(report.doubt, 1.0)
+        std_m_s = min(position.current_std_after(std_m_s, age_s), FASTEST_CURRENT_M_S)
         change = {
-            "steady_current_m_s": round(position.current_std_after(std_m_s, age_s), _DECIMALS),
+            "steady_current_m_s": round(std_m_s, _DECIMALS),
             "doubt": round(min(max(position.doubt, report.doubt), MOST_DOUBT), _DECIMALS),
         }
-        return config.model_copy(update={"position_filter": position.model_copy(update=change)})
+        known = type(position).model_validate(position.model_dump() | change)
+        return config.model_copy(update={"position_filter": known})
 
     async def merged(self, robot: str, patch: Mapping[str, Any]) -> PlannerConfig:
         """Return the planner's settings for a robot with a patch on top; nothing is kept.

@@ -12,14 +12,17 @@ import pytest
 
 from autonomy.current.config import CurrentMapConfig
 from autonomy.current.model import CurrentMap, Taking
+from autonomy.estimation.config import estimator_preset
+from db.fault import StoreError
 from db.query.events import newest_events
 from robot_link.messages import CurrentReport, RobotId, RobotMode, StateReport
 from server.current import currents as module
 from server.current.currents import Currents
 from server.current.observing import Stay, dives_seen
-from server.current.record import Forecast, verdict_on
+from server.current.record import Forecast, KeptObservation, verdict_on
 from server.current.water_current import WaterCurrent
 from server.current.words import left_out_text, tide_text, worth_of, worth_text
+from server.fleet.fleet import Fleet
 from server.fleet.water import Water
 from tests.autonomy.test_current_map import TIDAL, observation
 from tests.server.conftest import GRACE, MINI, open_station, until
@@ -84,17 +87,22 @@ def lake_dive(
     return told
 
 
+async def say(station, world, begin: datetime, **how) -> None:
+    """Let grace-1 tell of one dive, and of what it had believed of the current."""
+    said = believed_report(GRACE, begin - timedelta(seconds=1))
+    await asyncio.wrap_future(station.foundation.store.append([said]))
+    for one in lake_dive(begin, **how):
+        world.tell(one)
+
+
 async def fly(station, world, count: int, first: int = 0, **how) -> None:
     """Let grace-1 tell of some of twelve dives, one each ten minutes until now."""
     now = datetime.now(UTC)
     currents = station.foundation.services.get(Currents)
     for i in range(first, first + count):
-        begin = now - timedelta(seconds=600.0 * (12 - i))
-        said = believed_report(GRACE, begin - timedelta(seconds=1))
-        await asyncio.wrap_future(station.foundation.store.append([said]))
         before = len(currents.of(GRACE).dives)
-        for one in lake_dive(begin, 120.0 + 20.0 * i, **how):
-            world.tell(one)
+        begin = now - timedelta(seconds=600.0 * (12 - i))
+        await say(station, world, begin, north_m=120.0 + 20.0 * i, **how)
         await until(lambda before=before: len(currents.of(GRACE).dives) > before)
 
 
@@ -182,18 +190,72 @@ async def test_typed_settings_make_the_map_anew_and_strange_dives_are_told(clien
     assert answer.status_code == 200, answer.text
     await until(lambda: currents.of(GRACE).known.prior_std_m_s() > 2.0 * before)
     assert len(currents.of(GRACE).dives) == 4
-    await client.patch("/api/config/current_map?robot=grace-1", json={"enabled": False})
-    await until(lambda: not currents.of(GRACE).config.enabled)
-    told = (await client.get("/api/robots/grace-1/current")).json()
-    assert told["text"].startswith("The current of this water is not mapped")
-    assert currents.usable(GRACE) is None
     await client.patch(
         "/api/config/current_map?robot=grace-1", json={"enabled": None, "basin_std_m_s": None}
     )
     await until(lambda: currents.of(GRACE).known.prior_std_m_s() == before)
     await fly(station, world, 1, first=4, current=(-0.5, 0.4))
     events = await station.foundation.store.query(newest_events)
-    assert any(one.kind == "current.doubted" for one in events)
+    assert any(one.kind == "current.dive_doubted" for one in events)
+
+
+async def test_a_water_that_is_not_mapped_takes_no_dives_until_it_is(client, station, world):
+    currents = station.foundation.services.get(Currents)
+    await client.patch("/api/config/current_map?robot=grace-1", json={"enabled": False})
+    await until(lambda: not currents.of(GRACE).config.enabled)
+    begin = datetime.now(UTC) - timedelta(seconds=3000)
+    await say(station, world, begin)
+    await currents.look(GRACE)
+    assert currents.of(GRACE).dives == ()
+    told = (await client.get("/api/robots/grace-1/current")).json()
+    assert told["text"].startswith("The current of this water is not mapped")
+    assert currents.usable(GRACE) is None
+    where = {"north_m": 200.0, "east_m": 200.0}
+    at = await client.get("/api/robots/grace-1/current/at", params=where)
+    assert at.status_code == 409
+    assert "not mapped" in at.json()["detail"]
+    await client.patch("/api/config/current_map?robot=grace-1", json={"enabled": True})
+    await until(lambda: len(currents.of(GRACE).dives) == 1)
+
+
+async def test_what_could_not_be_kept_is_looked_at_again(station, world, monkeypatch):
+    currents = station.foundation.services.get(Currents)
+    right, failures = currents._keep, []
+
+    async def fails_once(*args):
+        if not failures:
+            failures.append(1)
+            raise StoreError("the disk is full")
+        await right(*args)
+
+    monkeypatch.setattr(currents, "_keep", fails_once)
+    await say(station, world, datetime.now(UTC) - timedelta(seconds=3000))
+    await until(lambda: len(currents.of(GRACE).dives) == 1)
+    assert failures
+
+
+async def test_a_robot_that_works_elsewhere_brings_no_current_along(client, station, world):
+    currents = station.foundation.services.get(Currents)
+    await fly(station, world, 3)
+    site = (await client.get("/api/robots/grace-1")).json()["site"]
+    other = {**site, "name": "Another lake"}
+    answer = await client.patch("/api/robots/grace-1", json={"site": other})
+    assert answer.status_code == 200, answer.text
+    await until(lambda: currents.of(GRACE).water.name == "Another lake")
+    assert currents.of(GRACE).dives == ()
+    assert station.foundation.services.get(Fleet).status(GRACE).current_report is None
+    await client.patch("/api/robots/grace-1", json={"site": site})
+    await until(lambda: currents.of(GRACE).water.name == site["name"])
+    assert len(currents.of(GRACE).dives) == 3
+
+
+def test_a_row_of_another_shape_is_read_without_its_prediction():
+    dive = observation(1000.0, (12.0, 0.0))
+    row = KeptObservation(dive, Forecast(900.0, 2500.0, 3, 0.02, 0.0, 0.05, 0.0), None).record("x")
+    old = replace(row, document={**row.document, "forecast": {"made_s": 900.0}})
+    assert KeptObservation.of(row).forecast is not None
+    assert KeptObservation.of(old).forecast is None
+    assert KeptObservation.of(old).observation.key == dive.key
 
 
 def test_impossible_dive_is_refused_and_a_repeated_one_ignored():
@@ -245,7 +307,12 @@ def seen(told, reports, *, silently=True):
         GRACE,
         columns_of(told),
         fixes_of(told),
-        reports,
+        np.array(
+            [
+                (one.measured_at.timestamp(), *one.current_ne_m_s, one.current_std_m_s)
+                for one in reports
+            ]
+        ).reshape(-1, 4),
         drift_m_sqrt_s=0.3,
         subtracts_silently=silently,
     )
@@ -272,16 +339,18 @@ def test_dives_that_tell_nothing_are_left_out_and_said():
     assert told.startswith("The newest dive of grace-1 is left out: it reckons")
     plain = seen(lake_dive(BEGIN, believed=(0.0, 0.0)), [], silently=False)
     np.testing.assert_allclose(plain.observations[0].current_ne_m_s, CURRENT, atol=1e-6)
+    long_ago = believed_report(GRACE, BEGIN - timedelta(hours=3))
+    assert seen(lake_dive(BEGIN), [long_ago]).left_out == silent.left_out
     held = seen(lake_dive(BEGIN, mode=RobotMode.HOLDING), [believed_report(GRACE, BEGIN)])
     assert held.observations == ()
     assert held.left_out == ("it ended aborted or held",)
 
 
 def test_stay_at_the_surface_is_told_once_it_is_over():
-    stay = Stay()
+    lake = estimator_preset("grace3", "lake")
 
     def reports(begin_s, end_s, mode=RobotMode.IDLE):
-        return [
+        return fixes_of(
             state_report(
                 GRACE,
                 (0.05 * t, 0.0, 0.0),
@@ -290,16 +359,38 @@ def test_stay_at_the_surface_is_told_once_it_is_over():
                 mode=mode,
             )
             for t in range(begin_s, end_s, 5)
-        ]
+        )
 
-    assert stay.take(GRACE, fixes_of(reports(0, 50))) == []
-    assert stay.take(GRACE, fixes_of(reports(50, 125))) == []
-    (told,) = stay.take(GRACE, fixes_of(reports(125, 130, RobotMode.DIVING)))
+    stay, told = Stay().with_reports(GRACE, reports(0, 50), lake)
+    assert told == ()
+    stay, told = stay.with_reports(GRACE, reports(50, 185), lake)
+    assert told == ()
+    stay, (told,) = stay.with_reports(GRACE, reports(185, 190, RobotMode.DIVING), lake)
     assert told.is_surface
-    assert told.duration_s == 120.0
-    assert told.displacement_ne_m == pytest.approx((6.0, 0.0))
-    short = fixes_of(reports(200, 240)) + fixes_of(reports(240, 245, RobotMode.TURNING))
-    assert stay.take(GRACE, short) == []
+    assert told.duration_s == 180.0
+    assert told.displacement_ne_m == pytest.approx((9.0, 0.0))
+    assert told.walk_std_m == pytest.approx(0.3 * math.sqrt(180.0))
+    short = reports(200, 240) + reports(240, 245, RobotMode.TURNING)
+    stay, told = stay.with_reports(GRACE, short, lake)
+    assert (stay, told) == (Stay(), ())
+
+
+def test_eddies_of_a_stay_are_not_taken_for_the_current():
+    lake = estimator_preset("grace3", "lake")
+    minutes = fixes_of(
+        state_report(
+            GRACE, (0.0, 0.03 * t, 0.0), at=BEGIN + timedelta(seconds=t), position_std_m=0.4
+        )
+        for t in range(0, 125, 5)
+    )
+    after = fixes_of(
+        [state_report(GRACE, at=BEGIN + timedelta(seconds=130), mode=RobotMode.DIVING)]
+    )
+    _, told = Stay().with_reports(GRACE, minutes + after, lake)
+    assert told == ()
+    calm = lake.model_copy(update={"drift_m_sqrt_s": 0.02})
+    _, told = Stay().with_reports(GRACE, minutes + after, calm)
+    assert len(told) == 1
 
 
 def test_prediction_counts_only_if_it_was_made_before_the_dive():
