@@ -128,9 +128,14 @@ class Planning:
         config = self.settings.known_current(request.robot, request.config)
         ahead_s = config.planning_time_s + await self._rest_s(request, config)
         current = await self._flows.planned(request.robot, config, ahead_s)
-        request = replace(request, config=current.config)
+        request = replace(
+            request,
+            config=current.config,
+            settings_filter=request.config.position_filter,
+            current_text=current.text,
+        )
         start_xy = request.start_xy or self.settings.check_start(request.robot, request.config)
-        plan = await self._add(request, current.text)
+        plan = await self._add(request)
         self._begin(plan.id, self._search(plan, request, start_xy))
         return plan
 
@@ -310,7 +315,7 @@ class Planning:
         report = self._fleet.status(request.robot).plan_report
         return remaining_s(plan, config, report, self._foundation.clock.now())
 
-    async def _add(self, request: SearchRequest, current_text: str = "") -> PlanRecord:
+    async def _add(self, request: SearchRequest) -> PlanRecord:
         return await self._ledger.add(
             request.robot,
             "adaptive_survey",
@@ -319,7 +324,7 @@ class Planning:
             by=request.by,
             mission=request.mission,
             round_number=request.round_number,
-            document={**request.document(), "current_text": current_text},
+            document=request.document(),
         )
 
     def _begin(self, plan: str, work: Coroutine[Any, Any, object]) -> asyncio.Task[None]:

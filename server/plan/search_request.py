@@ -3,9 +3,14 @@
 from dataclasses import dataclass
 from typing import Any
 
+from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
 from server.plan.survey_round import AHEAD_OF, REPLACES
+
+SETTINGS_FILTER = "settings_filter"
+"""Where a plan's document has ``SearchRequest.settings_filter``; plans of an earlier version have
+none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +36,11 @@ class SearchRequest:
     """Plan that the robot flies, at whose end this one begins."""
     replaces: str | None = None
     """Draft whose place it takes once it is one itself."""
+    settings_filter: EstimatorConfig | None = None
+    """Position filter of the settings, before what the robot said of the current; ``None`` where
+    ``config`` has it."""
+    current_text: str = ""
+    """Where the current comes from that it is planned in; "" where no map was asked for."""
     in_turn: bool = False
     """Whether it waits for other robots of the site that are planned for in turn."""
 
@@ -48,5 +58,9 @@ class SearchRequest:
             "exploitation": self.config.ergodic.exploitation if is_weighed else None,
             AHEAD_OF: self.ahead_of,
             REPLACES: self.replaces,
+            SETTINGS_FILTER: (self.settings_filter or self.config.position_filter).model_dump(
+                mode="json"
+            ),
+            "current_text": self.current_text,
             "in_turn": self.in_turn,
         }

@@ -1,12 +1,16 @@
 import os
 import signal
+from dataclasses import replace
+from datetime import timedelta
 
 import pytest
 
+from autonomy.planner.config import PlannerConfig
 from robot_link.messages import OnboardPlanState
 from server.base.worker import WorkerEndedError
 from server.plan.task import PLAN_SURVEY
 from tests.server.conftest import FAST, MINI, until
+from tests.server.fake_link import current_report
 from tests.server.fake_worker import DEPTHS_M
 
 
@@ -93,6 +97,39 @@ async def test_search_goes_on_from_the_draft_and_its_runners_up(client, workers)
     same = await plan_in(client, longer.json()["id"], "draft")
     assert same["config_id"] == other["config_id"] == old["config_id"]
     assert (await client.get(f"/api/plans/{old['id']}")).json()["state"] == "superseded"
+
+
+async def test_what_the_robot_said_of_the_current_counts_once_however_often_one_searches_on(
+    client, station, workers
+):
+    """A doubt that it has no more, and a current that it knew, are not kept for good."""
+    told = current_report(MINI, station.foundation.clock.now())
+    station.fleet.take_current(replace(told, current_std_m_s=0.004, doubt=2.0))
+    draft = await drafted(client)
+    asked = (await client.get("/api/config/planner?robot=mini-1")).json()["value"]
+    station.fleet.take_current(
+        replace(told, measured_at=told.measured_at + timedelta(seconds=1), doubt=1.0)
+    )
+    chosen = (await client.post(f"/api/plans/{draft['id']}/choose", json={"runner_up": 0})).json()
+    await plan_in(client, chosen["id"], "draft")
+    ways = {"planning_time_s": 7.0}, {}
+    newest = chosen["id"]
+    for body in ways:
+        newest = (await client.post(f"/api/plans/{newest}/continue", json=body)).json()["id"]
+        searched = await plan_in(client, newest, "draft")
+        assert searched["config"]["position_filter"]["doubt"] == 1.0
+    config = PlannerConfig.model_validate(asked)
+    again = station.planning.settings.known_current(MINI, config).position_filter
+    found = searched["config"]["position_filter"]["steady_current_m_s"]
+    assert found == pytest.approx(again.steady_current_m_s, abs=2e-4)
+
+
+async def test_a_chosen_runner_up_still_says_in_which_current_it_was_planned(client, workers):
+    old = await drafted(client, current={"source": "map"})
+    assert old["current_text"]
+    answer = await client.post(f"/api/plans/{old['id']}/choose", json={"runner_up": 0})
+    new = await plan_in(client, answer.json()["id"], "draft")
+    assert new["current_text"] == old["current_text"]
 
 
 @pytest.mark.parametrize("end", ["killed", "cancelled", "nothing"])
