@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 _REMEMBERED = 100
 """Samples at either end of a dive that its later ones are compared with."""
 
+_NOT_CARRIED = "The samples are not carried: the map of the current tells too little."
+
 
 class Seen:
     """Sequence numbers of several logs; numbers without a gap from 0 on cost nothing."""
@@ -79,6 +81,8 @@ class SiteMap:
         self._seen: dict[str, Seen] = defaultdict(Seen)
         self.drifted: Drifted | None = None
         """How far the water of the oldest samples had moved when the map was made, if known."""
+        self._is_current_known = True
+        """Whether there was a map of the current when the map was made."""
         self._last: dict[str, FieldSamples] = {}
         """Samples of the newest dive by robot, which may go on."""
         self._refresh(None)
@@ -111,6 +115,7 @@ class SiteMap:
             columns.robot.tolist(), columns.log.tolist(), columns.sequence.tolist(), strict=True
         ):
             site_map._seen[robots[robot]].add(log, sequence)
+        site_map._is_current_known = carrier is not None
         columns = usable(columns)
         if not len(columns):
             return site_map
@@ -138,10 +143,14 @@ class SiteMap:
 
     @property
     def water_moved(self) -> str:
-        """A sentence on how far the water moved while the map was made; empty if not far."""
+        """A sentence on how far the water moved while the map was made; empty if not far.
+
+        Samples that are to be carried and cannot be are told of in any case.
+        """
         moved, kernel = self.drifted, self.config.single
         if moved is None:
-            return ""
+            is_missed = self.config.carriage == "water" and not self._is_current_known
+            return _NOT_CARRIED if is_missed and self.total else ""
         told = f"the water moved about {moved.way_m:.2g} m (give or take {moved.std_m:.2g})"
         if self.config.carriage == "water":
             return f"While this map was made {told}; its samples were carried along."

@@ -81,8 +81,8 @@ class FieldMapView(View):
     carriage: Annotated[str, one_of("still", "water")]
     """``water``: samples were carried along to where their water is now."""
     water_moved: str
-    """How far the water moved while the map was made, a sentence; empty where that is not known, or
-    too little to misplace anything."""
+    """How far the water moved while the map was made, a sentence, or that samples are not carried
+    though they are to be; empty where that is not known, or too little to misplace anything."""
     simulation: bool
     """Whether the station runs a simulation."""
     updated_at: datetime | None

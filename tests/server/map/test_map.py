@@ -7,15 +7,38 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import FIELD_PRESETS
+from autonomy.site import TANK
 from db.query.maps import MapRecord, add_map
 from db.query.robots import add_robot
+from db.query.samples import SampleColumns
 from robot_link.messages import RobotId
-from server.map.site_map import Seen
+from server.map.grid import grid_of
+from server.map.site_map import Seen, SiteMap
 from server.scene.source import StationSceneSource
 from tests.server.conftest import GRACE, MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report
 
 LIVE = FIELD_PRESETS["blue_light"].model
+
+
+def test_samples_that_cannot_be_carried_are_told_of():
+    """A map of the current that tells too little carries nothing, and the switch stays in sight."""
+    north_m = np.linspace(0.2, 2.0, 5)
+    place, std_m = np.column_stack([north_m, 0.5 + 0.0 * north_m, 0.3 + 0.0 * north_m]), 0.02
+    numbers = np.arange(5)
+    stds_m, zeros = np.full(5, std_m), np.zeros(5, dtype=np.int64)
+    columns = SampleColumns(
+        place, stds_m, place, stds_m, north_m, 1_000_000 * numbers, zeros, zeros, numbers
+    )
+    told = {}
+    for carriage in ("still", "water"):
+        config = FIELD_PRESETS["blue_light"].model_copy(update={"carriage": carriage})
+        grid = grid_of(config, TANK.domain, TANK)
+        told[carriage] = SiteMap.from_columns(config, grid, (MINI,), columns).water_moved
+    assert told == {
+        "still": "",
+        "water": "The samples are not carried: the map of the current tells too little.",
+    }
 
 
 def samples_of(client):
