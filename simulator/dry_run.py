@@ -340,8 +340,9 @@ def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> st
     if reasons:
         who = f"{len(reasons)} of {runs} times the robot" if runs > 1 else "The robot"
         return f"{who} did not fly the whole plan: {reasons[0]}."
+    times = "once" if runs == 1 else f"{runs} times"
     return (
-        f"Flown {runs} times against the full dynamics: {rms_m:.2g} m from the plan in the mean, "
+        f"Flown {times} against the full dynamics: {rms_m:.2g} m (rms) from the plan, "
         f"{worst_m:.2g} m at worst."
     )
 

@@ -87,7 +87,8 @@ class PlanFollower:
             off_m = await self._store.query(lambda session: flown_off_m(session, plan))
             onboard = replace(onboard, off_track_rms_m=off_m)
             if off_m is not None:
-                texts[said] = f"{texts[said][:-1]}, {off_m:.2g} m beside its track in the mean."
+                off = f"by its own word {off_m:.2g} m (rms) beside its track"
+                texts[said] = f"{texts[said][:-1]}, {off}."
         document: dict[str, object] = {"onboard": asdict(onboard)}
         if said in {PlanEvidence.ROBOT_GAVE_UP, PlanEvidence.ROBOT_SURFACED}:
             document["message"] = texts[said]

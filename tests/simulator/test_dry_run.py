@@ -137,6 +137,8 @@ def test_a_keep_out_that_the_robot_is_carried_into_is_named():
     done = flown(problem(drift=0.001, keep_outs=(way, aside)))
     assert done.completed
     assert done.entered == ("reeds",)
+    assert done.message.startswith("Flown once against the full dynamics: ")
+    assert " m (rms) from the plan" in done.message
     assert done.message.endswith(' It enters the keep-out "reeds".')
     again = flown(problem(drift=0.001, keep_outs=(way, aside), runs=2))
     assert again.message.endswith(' It enters the keep-out "reeds" in 2 of 2 flights.')

@@ -161,6 +161,10 @@ async def test_flying_robot_is_held_against_the_expected_track(client, world, st
     robot.say(OnboardPlanState.DONE)
     done = await plan_in(client, draft["id"], "done")
     assert 0.1 <= done["onboard"]["off_track_rms_m"] <= 0.3
+    events = (await client.get("/api/events", params={"limit": 1000})).json()["events"]
+    (told,) = [one["text"] for one in events if "its track" in one["text"]]
+    assert "by its own word 0." in told
+    assert told.endswith(" m (rms) beside its track.")
 
 
 def test_distance_from_a_track_is_that_of_the_leg_that_is_flown():
