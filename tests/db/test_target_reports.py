@@ -123,6 +123,25 @@ def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
     engine.dispose()
 
 
+def test_reports_from_before_targets_had_a_speed_class_are_kept_without_one(url):
+    engine = write_engine(url)
+    migrate(engine)
+    said = target_report(3, is_too_fast=True, speed_class=SpeedClass.FAST, delay_s=0.4)
+    with Session(engine) as session:
+        add_robot(session, robot_record())
+        append_telemetry(session, [said])
+        session.commit()
+        assert newest_target_report(session, "mini-1") == said
+    with engine.begin() as connection:
+        command.downgrade(configuration(connection), "0011")
+        columns = {one["name"] for one in inspect(connection).get_columns("track_report")}
+        assert not {"is_too_fast", "speed_class", "delay_s"} & columns
+    migrate(engine)
+    with Session(engine) as session:
+        assert newest_target_report(session, "mini-1") == target_report(3)
+    engine.dispose()
+
+
 def test_the_migration_can_be_taken_back(url):
     engine = write_engine(url)
     migrate(engine)
