@@ -137,7 +137,7 @@ def _flown_with(faults: ActuatorFaults, seed: int) -> _Flown:
     while executive.plan_state is OnboardPlanState.RUNNING and life.robot.program.time_s < ends_s:
         life.robot.step(life.notebook)
         slowest = min(slowest, executive.gait.speed_share)
-        held = executive.pitch_held_rad
+        held = life.pitch_held_rad
         if held is not None and executive.leg >= 2:
             pitch = float(life.robot.body.plant.state[4])
             errors.append((pitch - held, pitch - _asked(executive, held)))

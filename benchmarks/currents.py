@@ -175,7 +175,7 @@ class Robot:
         dt = duration / STEPS
         for i in range(STEPS):
             depth_m = 0.5 * (believed[i, 2] + believed[i + 1, 2])
-            u = self.flow.velocity_ne_m_s(*self.place, depth_m, times[i] + 0.5 * dt)
+            u = self._flow_here(depth_m, times[i] + 0.5 * dt)
             walk = water.drift_m_sqrt_s * np.sqrt(dt) * rng.standard_normal(2)
             self.place = self.place + through[i] + u * dt + walk
         self.time_s = float(times[-1])
@@ -188,6 +188,9 @@ class Robot:
         )
         return seen, self.place.copy()
 
+    def _flow_here(self, depth_m: float, time_s: float) -> FloatArray:
+        return self.flow.velocity_ne_m_s(np.array([[*self.place, depth_m, time_s]]))[0]
+
     def stay(self) -> Observation:
         """Drift at the surface; return what its two fixes tell."""
         water = self.water
@@ -195,7 +198,7 @@ class Robot:
         dt = water.stay_s / 4
         for i in range(4):
             at_s = self.time_s + (i + 0.5) * dt
-            self.place = self.place + dt * self.flow.velocity_ne_m_s(*self.place, 0.0, at_s)
+            self.place = self.place + dt * self._flow_here(0.0, at_s)
         times = self.time_s + np.array([0.0, water.stay_s])
         self.time_s = float(times[1])
         last = self.place + self.rng.normal(0.0, water.fix_std_m, 2)
@@ -290,7 +293,7 @@ def _calibrate(
 
 def _flow_error(score: Score, known: CurrentMap, flow: Flow, seen: Observation) -> None:
     points = seen.functional().points[0]
-    truth = flow.velocity_ne_m_s(*points.T)
+    truth = flow.velocity_ne_m_s(points)
     error = known.mean_flow(points) - truth
     score.flow_m2_s2 += np.sum(error**2, axis=1).tolist()
 

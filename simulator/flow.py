@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
 from autonomy.current.table import FlowTable, flow_at
@@ -29,14 +28,12 @@ GRAMMAR = (
 class Flow(Protocol):
     """Velocity of the water by place and time."""
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
-        """Return north and east velocity, m/s; the shape of the arguments, and 2."""
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
+        """Return north and east velocity at points, shape ``(n, 2)``, m/s.
+
+        Args:
+            points: North, east and depth m, time s, shape ``(n, 4)``.
+        """
         ...
 
 
@@ -47,15 +44,9 @@ class Uniform:
     north_m_s: float
     east_m_s: float
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
-        return _pair(self.north_m_s, self.east_m_s, north_m, time_s)
+        return _along((self.north_m_s, self.east_m_s), np.ones(len(points)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +59,15 @@ class Gyre:
     cells_north: int = 1
     cells_east: int = 1
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
         box = self.box
         ka = math.pi * self.cells_north / (box.x_max_m - box.x_min_m)
         kb = math.pi * self.cells_east / (box.y_max_m - box.y_min_m)
-        a = ka * (np.asarray(north_m) - box.x_min_m)
-        b = kb * (np.asarray(east_m) - box.y_min_m)
+        a = ka * (points[:, 0] - box.x_min_m)
+        b = kb * (points[:, 1] - box.y_min_m)
         scale = self.speed_m_s / max(ka, kb)
-        return _pair(
-            scale * kb * np.sin(a) * np.cos(b), -scale * ka * np.cos(a) * np.sin(b), 0.0, time_s
-        )
+        return scale * np.column_stack([kb * np.sin(a) * np.cos(b), -ka * np.cos(a) * np.sin(b)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +80,10 @@ class Shear:
     depth_m: float
     """Of the floor."""
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
-        share = np.clip(np.asarray(depth_m) / self.depth_m, 0.0, 1.0)
-        profile = (1.0 - share) * (1.0 - 3.0 * share)
-        return _pair(self.north_m_s * profile, self.east_m_s * profile, north_m, time_s)
+        share = np.clip(points[:, 2] / self.depth_m, 0.0, 1.0)
+        return _along((self.north_m_s, self.east_m_s), (1.0 - share) * (1.0 - 3.0 * share))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,18 +98,12 @@ class Tide:
     period_s: float
     phase_rad: float = 0.0
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
-        angle = 2.0 * math.pi * np.asarray(time_s) / self.period_s + self.phase_rad
-        along, across = self.major_m_s * np.cos(angle), self.minor_m_s * np.sin(angle)
+        angle = 2.0 * math.pi * points[:, 3] / self.period_s + self.phase_rad
         cos, sin = math.cos(self.towards_rad), math.sin(self.towards_rad)
-        return _pair(along * cos - across * sin, along * sin + across * cos, north_m, time_s)
+        along = _along((cos, sin), self.major_m_s * np.cos(angle))
+        return along + _along((-sin, cos), self.minor_m_s * np.sin(angle))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,17 +112,11 @@ class Sum:
 
     parts: tuple[Flow, ...]
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
-        found = _pair(0.0, 0.0, north_m, time_s)
+        found = np.zeros((len(points), 2))
         for part in self.parts:
-            found = found + part.velocity_ne_m_s(north_m, east_m, depth_m, time_s)
+            found += part.velocity_ne_m_s(points)
         return found
 
 
@@ -162,18 +126,10 @@ class Tabled:
 
     table: FlowTable
 
-    def velocity_ne_m_s(
-        self,
-        north_m: npt.ArrayLike,
-        east_m: npt.ArrayLike,
-        depth_m: npt.ArrayLike,
-        time_s: npt.ArrayLike,
-    ) -> FloatArray:
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
         """Return north and east velocity."""
-        places = np.broadcast_arrays(north_m, east_m, depth_m, time_s)
-        rows = zip(*(np.ravel(one).tolist() for one in places), strict=True)
-        found = [flow_at(self.table, *row) for row in rows]
-        return np.array(found).reshape(*places[0].shape, 2)
+        found = [flow_at(self.table, *point) for point in points.tolist()]
+        return np.array(found).reshape(-1, 2)
 
 
 def read_flow(text: str, site: Site) -> Flow:
@@ -211,10 +167,5 @@ def _read_part(text: str, site: Site) -> Flow:
             return Gyre(speed_m_s, site.water, cells_east=2 if kind == "double" else 1)
 
 
-def _pair(
-    north: npt.ArrayLike, east: npt.ArrayLike, place: npt.ArrayLike, time_s: npt.ArrayLike
-) -> FloatArray:
-    shape = np.broadcast_shapes(np.shape(north), np.shape(place), np.shape(time_s))
-    return np.stack(
-        [np.broadcast_to(north, shape), np.broadcast_to(east, shape)], axis=-1, dtype=np.float64
-    )
+def _along(direction: tuple[float, float], speeds: FloatArray) -> FloatArray:
+    return np.multiply.outer(speeds, direction)

@@ -70,8 +70,8 @@ class Plant:
         self._surroundings[0:2] = self._current.velocity_ne_m_s
         if self._flow is not None:
             north, east, depth = self.position_ned
-            at_s = self._water_s + self.time_s
-            self._surroundings[0:2] += self._flow.velocity_ne_m_s(north, east, depth, at_s)
+            here = np.array([[north, east, depth, self._water_s + self.time_s]])
+            self._surroundings[0:2] += self._flow.velocity_ne_m_s(here)[0]
         if self._uneven is not None:
             below_m = float(self._uneven.floor_m(self.state[0], self.state[1]))
             self._surroundings[_FLOOR] = max(below_m, _SHALLOWEST_M)

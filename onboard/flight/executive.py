@@ -282,11 +282,6 @@ class Executive:
         self.actuators.step(sent, readings, self._flight.pilot.wanted_pitch_rad)
 
     @property
-    def pitch_held_rad(self) -> float | None:
-        """The pitch that the controller holds in this step; None while none does."""
-        return self._flight.pilot.wanted_pitch_rad
-
-    @property
     def gait(self) -> Gait:
         """How gently the legs are flown."""
         return self._flight.gait

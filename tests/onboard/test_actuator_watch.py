@@ -26,7 +26,7 @@ def flown_pitch_error(life: Life, legs) -> np.ndarray:
     rows = []
     while life.executive.plan_state is OnboardPlanState.RUNNING and len(rows) < 20_000:
         life.robot.step(life.notebook)
-        held = life.executive.pitch_held_rad
+        held = life.pitch_held_rad
         if held is not None:
             pitch = float(life.robot.body.plant.state[4])
             rows.append((pitch - held, life.executive.leg))

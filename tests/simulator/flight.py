@@ -72,6 +72,11 @@ class Life:
         return self.robot.program.estimate
 
     @property
+    def pitch_held_rad(self) -> float | None:
+        """The pitch that the controller holds in this step; None while none does."""
+        return self.executive._flight.pilot.wanted_pitch_rad
+
+    @property
     def track(self) -> np.ndarray:
         return np.array(self._rows)
 

@@ -13,26 +13,32 @@ from simulator.flow import Gyre, Shear, Sum, Tide, Uniform, read_flow
 from simulator.robot import SimulatedBody
 
 
+def points(north_m=0.0, east_m=0.0, depth_m=3.0, time_s=0.0) -> np.ndarray:
+    """Return points as flows take them, as many as the longest of the four."""
+    return np.column_stack(np.broadcast_arrays(*np.atleast_1d(north_m, east_m, depth_m, time_s)))
+
+
 def test_gyre_has_no_divergence_and_leaves_no_box() -> None:
     gyre = read_flow("double:0.1", LAKE)
     rng = np.random.default_rng(0)
     north, east = rng.uniform(0.0, 500.0, (2, 50))
     step = 1e-3
-    du = gyre.velocity_ne_m_s(north + step, east, 3.0, 0.0)
-    du = du - gyre.velocity_ne_m_s(north - step, east, 3.0, 0.0)
-    dv = gyre.velocity_ne_m_s(north, east + step, 3.0, 0.0)
-    dv = dv - gyre.velocity_ne_m_s(north, east - step, 3.0, 0.0)
+    du = gyre.velocity_ne_m_s(points(north + step, east))
+    du = du - gyre.velocity_ne_m_s(points(north - step, east))
+    dv = gyre.velocity_ne_m_s(points(north, east + step))
+    dv = dv - gyre.velocity_ne_m_s(points(north, east - step))
     assert np.abs(du[:, 0] + dv[:, 1]).max() < 1e-9
-    walls = gyre.velocity_ne_m_s(np.array([0.0, 500.0]), np.array([70.0, 333.0]), 0.0, 0.0)
+    walls = gyre.velocity_ne_m_s(points([0.0, 500.0], [70.0, 333.0]))
     assert np.abs(walls[:, 0]).max() < 1e-15
-    speed = np.hypot(*gyre.velocity_ne_m_s(*np.mgrid[0:500:5.0, 0:500:5.0], 0.0, 0.0).T)
+    everywhere = points(*np.mgrid[0:500:5.0, 0:500:5.0].reshape(2, -1))
+    speed = np.hypot(*gyre.velocity_ne_m_s(everywhere).T)
     assert speed.max() == pytest.approx(0.1, rel=0.01)
 
 
 def test_shear_returns_at_depth_what_it_takes_at_the_surface() -> None:
     shear = read_flow("shear:0.1@90", LAKE)
     depth = (np.arange(2000) + 0.5) * 0.01
-    flow = shear.velocity_ne_m_s(0.0, 0.0, depth, 0.0 * depth)
+    flow = shear.velocity_ne_m_s(points(depth_m=depth))
     assert flow[0, 1] == pytest.approx(0.1, rel=0.01)
     assert np.abs(flow.mean(axis=0)).max() < 1e-6
 
@@ -40,7 +46,7 @@ def test_shear_returns_at_depth_what_it_takes_at_the_surface() -> None:
 def test_tide_comes_back_and_has_no_mean() -> None:
     tide = read_flow("tide:0.08@30/2", LAKE)
     time = np.linspace(0.0, 7200.0, 721)
-    flow = tide.velocity_ne_m_s(0.0, 0.0, 0.0, time)
+    flow = tide.velocity_ne_m_s(points(time_s=time))
     np.testing.assert_allclose(flow[0], flow[-1], atol=1e-12)
     np.testing.assert_allclose(flow[0], 0.08 * np.array([math.cos(0.5236), math.sin(0.5236)]), 1e-4)
     assert np.abs(flow[:-1].mean(axis=0)).max() < 1e-12
@@ -48,7 +54,8 @@ def test_tide_comes_back_and_has_no_mean() -> None:
 
 def test_flows_add_up_and_speed_is_that_of_the_water() -> None:
     both = read_flow("uniform:0.02@0 + uniform:0.03@90", TANK)
-    np.testing.assert_allclose(both.velocity_ne_m_s(1.0, 1.0, 0.1, 5.0), [0.02, 0.03], atol=1e-12)
+    flow = both.velocity_ne_m_s(points(1.0, 1.0, 0.1, 5.0))
+    np.testing.assert_allclose(flow, [[0.02, 0.03]], atol=1e-12)
     assert isinstance(both, Sum)
     assert read_flow("uniform@0", TANK) == Uniform(0.02, 0.0)
     assert read_flow("uniform@0", LAKE) == Uniform(0.05, 0.0)

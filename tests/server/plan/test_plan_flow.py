@@ -125,7 +125,7 @@ def test_rehearsed_water_flows_as_the_table_says() -> None:
     flow = Tabled(current.table)
     domain = LAKE.domain
     north = np.array([domain.x_min_m, 0.5 * (domain.x_min_m + domain.x_max_m), domain.x_max_m])
-    found = flow.velocity_ne_m_s(north, 100.0, 3.0, 50.0)
+    found = flow.velocity_ne_m_s(np.array([[one, 100.0, 3.0, 50.0] for one in north]))
     np.testing.assert_allclose(found, [[0.0, 0.0], [0.05, 0.0], [0.1, 0.0]], atol=1e-7)
     config = LAKE_PLANNER.model_copy(update={"current": current})
     candidate = candidate_of(config, legs_from(config, (200.0, 200.0), DIVE))
