@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray, evenly_spread
+from autonomy.current.table import FlowTable
 from autonomy.result import Result
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif.config import ControllerChoice, TrialConfig
@@ -123,6 +124,7 @@ def compare(
     config: TrialConfig,
     choices: Sequence[ControllerChoice],
     *,
+    flow: FlowTable | None = None,
     report: Callable[[float, str], None] = lambda _share, _message: None,
     is_cancelled: Callable[[], bool] = lambda: False,
     threads: int = _THREADS,
@@ -133,6 +135,7 @@ def compare(
         vehicle: The robot, as the controllers believe it to be.
         config: The scenario.
         choices: The controllers.
+        flow: The current by place, depth and time; that of the scenario by default.
         report: Told the share that is done and what is being done, in the caller's thread.
         is_cancelled: Asked between runs.
         threads: Runs at once; the result does not depend on it.
@@ -150,7 +153,7 @@ def compare(
     at = evenly_spread(len(references), MOST_POINTS)
 
     def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
-        return _kept(fly(vehicle, config, choice, seed, references), at)
+        return _kept(fly(vehicle, config, choice, seed, references, flow), at)
 
     with ThreadPoolExecutor(threads) as pool:
         jobs = [

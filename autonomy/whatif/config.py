@@ -83,6 +83,9 @@ class DisturbanceConfig(Configuration):
     )
     """How far the sliding mass stands forward of what its sensor says; an offset of a robot's trim
     with the opposite sign cancels it."""
+    current_source: Literal["typed", "map"] = quantity("typed", title="Current from")
+    """``typed``: steady, by the two numbers that follow. ``map``: what dives told of the robot's
+    water, by place, depth and time, from where the robot is and from now on."""
     current_north_m_s: float = quantity(0.0, "m/s", title="Current north", ge=-2.0, le=2.0)
     """Northward velocity of the water."""
     current_east_m_s: float = quantity(0.0, "m/s", title="Current east", ge=-2.0, le=2.0)

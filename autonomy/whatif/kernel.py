@@ -12,6 +12,8 @@ from autonomy.compiled import inlined_entry, inlined_kernel, inner_kernel, kerne
 from autonomy.control import governor_kernel
 from autonomy.control import law as laws
 from autonomy.control.law_number import BACKSTEPPING, GOVERNOR
+from autonomy.current.table import FlowTable, uniform_table
+from autonomy.planner.leg.flow_kernel import flow_at, is_uniform
 from autonomy.vehicle import extended_kernel
 from autonomy.vehicle import kernel as body
 
@@ -230,6 +232,7 @@ def fly(
     dt_s: float,
     steps: int,
     delay_steps: int,
+    flow: FlowTable,
 ) -> tuple[FloatArray, FloatArray]:
     """Let a controller track a reference.
 
@@ -248,6 +251,8 @@ def fly(
         dt_s: Step of the model.
         steps: Steps for which a command is held.
         delay_steps: Steps by which the sliding mass's commands come late.
+        flow: The current by place, depth and time of the flight, taken anew at each command; one
+            that is the same everywhere leaves that of conditions and surroundings.
 
     Returns:
         The record at each command before it takes effect, shape ``(n, RECORD_SIZE)``, or
@@ -264,17 +269,22 @@ def fly(
     slope, total, probe, errors = np.empty(12), np.empty(12), np.empty(12), np.empty(16)
     late, command, applied = np.zeros(delay_steps + 1), np.zeros(COMMAND_SIZE), np.zeros(5)
     period_s, depth, slot = steps * dt_s, 0.0, 0
+    there, water, is_steady = conditions.copy(), surroundings.copy(), is_uniform(flow)
     for k in range(n):
+        if not is_steady:
+            north, east = flow_at(flow, x[0], x[1], x[2], k * period_s)
+            there[CURRENT_NORTH], there[CURRENT_EAST] = north, east
+            water[0], water[1] = north, east
         if noise.shape[0] == 0:
             estimate[:] = x[:12]
         else:
             if k > 0 and is_extended:
                 start_s = (k - 1) * period_s
                 _observe_swimming(
-                    belief, inputs, depth, conditions, believed, command, start_s, period_s, steps
+                    belief, inputs, depth, there, believed, command, start_s, period_s, steps
                 )
             elif k > 0:
-                _observe(belief, inputs, depth, conditions, believed, period_s, slope)
+                _observe(belief, inputs, depth, there, believed, period_s, slope)
             depth = _measure(x, noise[k], belief, k == 0)
             estimate[:] = belief
             estimate[2] = depth
@@ -296,9 +306,9 @@ def fly(
             applied[1] = late[slot]
             before[:] = inputs
             if is_extended:
-                move_extended(x, inputs, applied, true, surroundings, conditions, step * dt_s, dt_s)
+                move_extended(x, inputs, applied, true, water, there, step * dt_s, dt_s)
             else:
-                move_within_rates(x, inputs, applied, true, conditions, dt_s, slope, total, probe)
+                move_within_rates(x, inputs, applied, true, there, dt_s, slope, total, probe)
             for i in range(3):
                 moved = inputs[i] - before[i]
                 effort[0, i] += abs(moved)
@@ -314,6 +324,20 @@ def warm_up() -> None:
     one, water, conditions = np.zeros((1, 12)), np.zeros(9), np.zeros(6)
     gains, noise = np.ones(32), np.zeros((0, 9))
     correlate(np.zeros((2, 9)), 2, 0.5)
+    still = uniform_table(0.0, 0.0)
     fly(
-        BACKSTEPPING, gains, packed, packed, start, one, noise, conditions, water, False, 0.01, 1, 0
+        BACKSTEPPING,
+        gains,
+        packed,
+        packed,
+        start,
+        one,
+        noise,
+        conditions,
+        water,
+        False,
+        0.01,
+        1,
+        0,
+        still,
     )

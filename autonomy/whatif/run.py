@@ -7,6 +7,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.control.catalogue import CONTROLLERS
+from autonomy.current.table import FlowTable
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif import kernel
 from autonomy.whatif.config import ControllerChoice, TrialConfig
@@ -87,9 +88,13 @@ def fly(
     choice: ControllerChoice,
     seed: int,
     references: FloatArray,
+    flow: FlowTable | None = None,
 ) -> Trial:
-    """Run as ``run_trial`` with references that were packed once for many runs, ``(n, 12)``."""
-    drawn = setting(vehicle, config, seed, references)
+    """Run as ``run_trial`` with references that were packed once for many runs, ``(n, 12)``.
+
+    The water flows as ``flow`` says, if it is given, else as the scenario does.
+    """
+    drawn = setting(vehicle, config, seed, references, flow)
     record, effort = fly_setting(vehicle, config, choice, drawn)
     state = record[:, kernel.STATE : kernel.INPUTS]
     prices = vehicle.energy.packed(vehicle.limits)
@@ -134,4 +139,5 @@ def fly_setting(
         config.step_s,
         config.steps_per_period,
         drawn.delay_steps,
+        drawn.flow,
     )

@@ -15,6 +15,7 @@ from autonomy.control.trajectory import (
     sawtooth,
     straight_glide,
 )
+from autonomy.current.table import FlowTable, uniform_table
 from autonomy.vehicle.config import Vehicle, VehicleParameters
 from autonomy.vehicle.glide import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
@@ -51,6 +52,8 @@ class Setting:
     """``Surroundings.packed()`` of the water."""
     delay_steps: int
     """Steps by which a command comes late."""
+    flow: FlowTable
+    """The current by place, depth and time of the flight."""
 
 
 def reference_function(vehicle: Vehicle, config: TrialConfig) -> Callable[[float], Reference]:
@@ -75,7 +78,13 @@ def packed_references(vehicle: Vehicle, config: TrialConfig) -> FloatArray:
     return packed
 
 
-def setting(vehicle: Vehicle, config: TrialConfig, seed: int, references: FloatArray) -> Setting:
+def setting(
+    vehicle: Vehicle,
+    config: TrialConfig,
+    seed: int,
+    references: FloatArray,
+    flow: FlowTable | None = None,
+) -> Setting:
     """Draw what one seed decides.
 
     Args:
@@ -83,6 +92,7 @@ def setting(vehicle: Vehicle, config: TrialConfig, seed: int, references: FloatA
         config: The scenario.
         seed: Of this run; the same for every controller.
         references: From ``packed_references``, shape ``(n, 12)``.
+        flow: The current by place, depth and time of the flight; that of the scenario by default.
     """
     off, sensing = config.disturbance, config.sensing
     current = (off.current_north_m_s, off.current_east_m_s)
@@ -102,6 +112,7 @@ def setting(vehicle: Vehicle, config: TrialConfig, seed: int, references: FloatA
         ),
         surroundings=Surroundings(current_ned_m_s=(*current, 0.0)).packed(),
         delay_steps=round(off.actuator_delay_s / config.step_s),
+        flow=uniform_table(*current) if flow is None else flow,
     )
 
 

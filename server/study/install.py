@@ -1,6 +1,7 @@
 """Puts the capability together."""
 
 from server.base.foundation import Foundation
+from server.current.currents import Currents
 from server.fleet.fleet import Fleet
 from server.study import identification_route, trim_route, whatif_route
 from server.study.identification import Identifications
@@ -16,7 +17,7 @@ def install(foundation: Foundation) -> None:
     services, lifetime = foundation.services, foundation.lifetime
     fleet, vehicles = services.get(Fleet), services.get(Vehicles)
     workers = foundation.study_workers
-    whatifs = services.add(WhatIfs(foundation, fleet, vehicles, foundation.workers, workers))
+    whatifs = services.add(WhatIfs(foundation, fleet, vehicles, services.get(Currents), workers))
     found = services.add(Identifications(foundation, fleet, vehicles, workers))
     services.add(TrimAdvices(foundation, fleet, vehicles, workers))
     lifetime.on_load(whatifs.load)

@@ -6,6 +6,7 @@ Like ``problem``, this loads no numba: the station imports it, the tasks' own mo
 from dataclasses import dataclass
 from typing import Final
 
+from autonomy.current.table import FlowTable
 from autonomy.identification.config import IdentificationConfig
 from autonomy.identification.recording import Recording
 from autonomy.vehicle.config import Vehicle
@@ -35,6 +36,8 @@ class WhatIfProblem:
     vehicle: Vehicle
     scenario: TrialConfig
     controllers: tuple[ControllerChoice, ...]
+    flow: FlowTable | None = None
+    """The current from where the run begins; that of the scenario by default."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,8 @@ class WhatIfAsked(Result):
     scenario: TrialConfig
     """The whole scenario; see `GET /api/config/trial/schema`."""
     controllers: list[ControllerChoice]
+    current_text: str = ""
+    """What the current is made of that it flies in; empty for the scenario's own."""
 
 
 class WhatIfSummaryView(StudySummary):

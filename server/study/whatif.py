@@ -1,12 +1,15 @@
 """What-if runs: controllers in one scenario on the same seeds, before anybody flies it."""
 
+import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from autonomy.control.catalogue import CONTROLLERS, ControllerConfig
+from autonomy.current.model import tabulate
+from autonomy.current.table import FlowTable, table_of
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif.config import ControllerChoice, TrialConfig
@@ -17,6 +20,7 @@ from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.study import Refusal, Studies, study_as
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.current.currents import Currents
 from server.fleet.fleet import Fleet
 from server.study.comparison_view import ShownWhatIfs
 from server.study.task import CHECK_WHATIF, WHATIF, WhatIfProblem
@@ -83,14 +87,15 @@ class WhatIfs(Studies[WhatIfProblem]):
         foundation: Foundation,
         fleet: Fleet,
         vehicles: Vehicles,
-        quick: WorkerPool,
+        currents: Currents,
         workers: WorkerPool,
     ) -> None:
         super().__init__(foundation.store, foundation.jobs, foundation.clock, workers)
         self._configurations = foundation.configurations
         self._fleet = fleet
         self._vehicles = vehicles
-        self._quick = quick
+        self._currents = currents
+        self._quick = foundation.workers
         self.shown = ShownWhatIfs(foundation.store, fleet)
 
     async def load(self) -> None:
@@ -119,12 +124,15 @@ class WhatIfs(Studies[WhatIfProblem]):
         vehicle = vehicle_of(robot, self._fleet, self._vehicles)
         problem = await self._problem(robot, vehicle, scenario, controllers)
         await self._check(problem)
+        dives, flow = await self._flow(robot, problem.scenario)
         asked = WhatIfAsked(
             title=_title(problem),
             vehicle=vehicle.key,
             scenario=problem.scenario,
             controllers=list(problem.controllers),
+            current_text=f"Flown in the current that {dives} dives tell of." if flow else "",
         )
+        problem = replace(problem, flow=flow)
         record = await self._add(robot, asked, by)
         return record.id, await self._begin(record, problem, by)
 
@@ -183,6 +191,34 @@ class WhatIfs(Studies[WhatIfProblem]):
             count = "1 field is" if len(errors) == 1 else f"{len(errors)} fields are"
             raise unprocessable(f"{count} wrong.", errors)
         return WhatIfProblem(vehicle, config, tuple(choices))
+
+    async def _flow(self, robot: str, scenario: TrialConfig) -> tuple[int, FlowTable | None]:
+        """Return of how many dives the map of the current is that a run flies in, and its table.
+
+        A run begins at the origin of its own frame, which is where the robot is.
+
+        Raises:
+            Problem: 422 if the map tells too little, or the robot has not said where it is.
+        """
+        if scenario.disturbance.current_source != "map":
+            return 0, None
+        status, known = self._fleet.status(robot), self._currents.usable(robot)
+        message = (
+            "the map of the current tells too little yet; type one"
+            if known is None
+            else f"{robot} has not said where it is yet"
+        )
+        if known is None or status.state is None:
+            loc: list[str | int] = ["scenario", "disturbance", "current_source"]
+            raise unprocessable("1 field is wrong.", [FieldError(loc=loc, msg=message)])
+        now_s = self._clock.now().timestamp()
+        until_s = now_s + scenario.duration_s
+        domain = status.record.site.domain
+        record = await asyncio.to_thread(tabulate, known, domain, now_s, until_s)
+        table, (north_m, east_m, _) = table_of(record), status.state.position_ned
+        low_north_m, low_east_m, low_depth_m, from_s = table.low
+        low = (low_north_m - north_m, low_east_m - east_m, low_depth_m, from_s)
+        return record.dives, table._replace(low=low)
 
     async def _check(self, problem: WhatIfProblem) -> None:
         try:

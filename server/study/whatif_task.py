@@ -43,6 +43,7 @@ def run(
             problem.vehicle,
             problem.scenario,
             problem.controllers,
+            flow=problem.flow,
             report=lambda share, message: report((share, message)),
             is_cancelled=is_cancelled,
         )

@@ -9,6 +9,7 @@ import pytest
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.feasibility import InfeasibleReferenceError
 from autonomy.control.trajectory import Reference
+from autonomy.current.table import FlowTable
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.whatif.check import check_scenario
 from autonomy.whatif.comparison import TrialCancelledError, compare
@@ -22,7 +23,8 @@ from autonomy.whatif.config import (
     SensingConfig,
     TrialConfig,
 )
-from autonomy.whatif.run import run_trial
+from autonomy.whatif.run import fly, run_trial
+from autonomy.whatif.setting import packed_references
 
 GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())
 THESIS = {"prop": "backstepping", "bs": "baseline", "pid": "pid"}
@@ -308,3 +310,22 @@ def test_every_law_answers_an_estimate_that_is_not_a_number_with_neutral_set_poi
         fresh = kind.make(MINIGLIDER, kind.preset("miniglider"))
         state = np.full(12, 0.05)
         assert controller.command(state, far, 0.1) == fresh.command(state, far, 0.1)
+
+
+@pytest.mark.parametrize("model", ["thesis", "extended"])
+def test_water_flows_as_a_table_says_at_each_place_and_time(model):
+    scenario = changed(SHORT, model=model, disturbance={"current_north_m_s": 0.05})
+    one = choice("backstepping")
+    typed = run_trial(MINIGLIDER, scenario, one, 1)
+    values = np.zeros((2, 2, 2, 2, 2))
+    values[..., 0] = 0.05
+    table = FlowTable(values, (-50.0, -50.0, 0.0, 0.0), (0.01, 0.01, 0.1, 0.01))
+    references = packed_references(MINIGLIDER, scenario)
+    still = changed(scenario, disturbance={})
+    alike = fly(MINIGLIDER, still, one, 1, references, table)
+    np.testing.assert_allclose(alike.state, typed.state, atol=1e-9)
+    values[:, :, :, 0] = 0.0  # it begins to flow with time
+    later = fly(MINIGLIDER, still, one, 1, references, table)
+    first = run_trial(MINIGLIDER, still, one, 1)
+    assert np.abs(later.state[1, :2] - first.state[1, :2]).max() < 1e-4
+    assert np.abs(later.state[-1, 0] - first.state[-1, 0]) > 0.02

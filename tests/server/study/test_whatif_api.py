@@ -9,8 +9,10 @@ from db.store import Store
 from robot_link.messages import RobotMode
 from server.access.role import Role
 from server.base import study
-from tests.server.conftest import MINI, api_client, open_station, until
+from server.current.currents import Currents
+from tests.server.conftest import GRACE, MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
+from tests.server.plan.test_plan_flow import told
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 
@@ -243,3 +245,23 @@ async def test_nothing_begins_while_the_storage_fails(client, station, monkeypat
     assert refused.status_code == 503
     assert (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"] == []
     assert station.foundation.jobs.running == []
+
+
+async def test_a_run_flies_in_the_current_that_dives_tell_of(client, station, world):
+    mapped = SHORT | {"disturbance": {"current_source": "map"}, "duration_s": 60.0}
+    body = {"scenario": mapped, "controllers": TWO}
+    refused = await client.post("/api/robots/grace-1/whatif", json=body)
+    assert refused.status_code == 422
+    (error,) = refused.json()["errors"]
+    assert error["loc"] == ["scenario", "disturbance", "current_source"]
+    assert error["msg"].startswith("the map of the current tells too little yet")
+    world.tell(state_report(GRACE, (200.0, 200.0, 0.0)))
+    await until(lambda: station.fleet.status(GRACE).state)
+    now_s = station.foundation.clock.now().timestamp()
+    station.foundation.services.get(Currents).of(GRACE).known = told(8, now_s)
+    found = await ended(client, await start(client, mapped, robot=GRACE))
+    still = await ended(client, await start(client, mapped | {"disturbance": {}}, robot=GRACE))
+    assert found["current_text"] == "Flown in the current that 8 dives tell of."
+    assert still["current_text"] == ""
+    north = [one["result"]["runs"][0]["north_m"][-1] for one in (found, still)]
+    assert north[0] > north[1] + 0.5

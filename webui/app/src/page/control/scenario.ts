@@ -15,7 +15,10 @@ const ONLY_FOR: Readonly<Record<string, readonly string[]>> = {
 
 /** Whether a field of the scenario means anything: noise of exact sensors does not. */
 export function isScenarioField(path: readonly string[], scenario: JsonObject): boolean {
-  const { reference, sensing } = scenario;
+  const { reference, sensing, disturbance } = scenario;
+  if (['current_north_m_s', 'current_east_m_s'].includes(path[1] ?? '')) {
+    return !(isObject(disturbance) && disturbance.current_source === 'map');
+  }
   if (path.length > 1 && path[0] === 'sensing' && path[1] !== 'exact') {
     return !(isObject(sensing) && sensing.exact === true);
   }

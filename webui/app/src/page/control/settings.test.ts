@@ -17,6 +17,9 @@ describe('a scenario', () => {
     expect(isScenarioField(straight, value)).toBe(hasAngle);
     expect(isScenarioField(swim, value)).toBe(hasSpeed);
     expect(isScenarioField(['duration_s'], value)).toBe(true);
+    expect(isScenarioField(['disturbance', 'current_north_m_s'], value)).toBe(true);
+    const mapped = { ...value, disturbance: { current_source: 'map' } };
+    expect(isScenarioField(['disturbance', 'current_north_m_s'], mapped)).toBe(false);
   });
 
   test('with exact states has no noise', () => {
