@@ -21,6 +21,7 @@ from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.plan.document import Draft, legs_of
+from server.plan.expected import OUT_OF_BOUNDS
 from server.plan.target_check import outdated_target
 from server.plan.view import ViolationView
 
@@ -146,12 +147,19 @@ def ages_at(plan: PlanRecord, now: datetime) -> datetime | None:
 def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
     """Return what the dry run of a plan that waits says if the robot did not fly it as it must.
 
-    It did not if it came not to its end, or into a keep-out.
+    It did not if it came not to its end or into a keep-out, or if its expected track leaves the
+    safe water, as no leg may.
 
     The station sends no such plan by itself; a person may.
     """
     dry_run = plan.document.get("rehearsal") or {}
-    is_flawed = dry_run.get("completed") is False or dry_run.get("entered")
-    if plan.state not in SENDABLE or not is_flawed:
+    if plan.state not in SENDABLE:
         return ()
-    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {dry_run['message']}"),)
+    said: list[str] = []
+    if dry_run.get("completed") is False or dry_run.get("entered"):
+        said.append(dry_run["message"])
+    broken = dry_run.get("broken", ())
+    said += [one["message"] for one in broken if one["field"] in OUT_OF_BOUNDS]
+    if not said:
+        return ()
+    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {' '.join(said)}"),)

@@ -19,6 +19,8 @@ from autonomy.site import Area, Site
 from robot_link.messages import RobotMode
 from server.plan.view import NearestView, ViolationView
 
+OUT_OF_BOUNDS = ("domain", "keep_outs")
+"""Fields of the limits that keep a robot in safe water; a plan expected beyond them is held."""
 _BORDER_M = 0.005
 """So far beyond a limit is rounding."""
 _SHARE = 1e-3
@@ -107,7 +109,9 @@ def _too_near(nearest: Sequence[NearestView]) -> list[ViolationView]:
     found: list[ViolationView] = []
     for one in nearest:
         name = f'the {"shoreline" if one.is_shore else "keep-out"} "{one.name}"'
+        limit = "margin_m"
         if one.distance_m <= 0.0:
+            limit = "domain" if one.is_shore else "keep_outs"
             deed = f"goes beyond {name}" if one.is_shore else f"enters {name}"
         elif one.distance_m < one.margin_m - _BORDER_M:
             deed = (
@@ -115,7 +119,7 @@ def _too_near(nearest: Sequence[NearestView]) -> list[ViolationView]:
             )
         else:
             continue
-        found.append(ViolationView("margin_m", f"The expected track {deed}."))
+        found.append(ViolationView(limit, f"The expected track {deed}."))
     return found
 
 

@@ -337,12 +337,12 @@ class Transfers:
         return transfer.id
 
     def _check_fits(self, plan: PlanRecord) -> None:
-        """Refuse a plan of another place or time, or that a dry run did not fly to its end."""
+        """Refuse a plan of another place or time, or that a dry run did not fly as it must."""
         outdated = outdated_by(self._fleet.status(plan.robot), plan, self._clock.now())
         found = (*outdated, *broken_off(plan))
         if found:
             reasons = " ".join(one.message for one in found)
-            fault = "is outdated" if outdated else "may not be flown to its end"
+            fault = "is outdated" if outdated else "may not be flown as it must"
             raise conflict(
                 f"{plan.id} {fault}: {reasons} Plan again, or confirm that it shall be flown "
                 "all the same.",

@@ -69,11 +69,17 @@ async def test_expected_track_is_held_against_the_limits(client):
     assert [one["message"] for one in draft["warnings"]] == [
         'The expected track enters the keep-out "reeds".'
     ]
+    refused = await client.post(f"/api/plans/{draft['id']}/upload")
+    assert refused.status_code == 409
+    assert 'says: The expected track enters the keep-out "reeds".' in refused.json()["detail"]
+    (held,) = (await client.post(f"/api/plans/{draft['id']}/check")).json()["violations"]
+    assert held["field"] == "adaptive.rehearse"
     aside = [[n, e + 0.4] for n, e in corners]
     draft = await drafted(client, keep_outs=[{"name": "reeds", "corners_m": aside}], margin_m=0.35)
     (near,) = draft["rehearsal"]["nearest"]
     assert 0.25 < near["distance_m"] < 0.35
     assert "comes within" in draft["warnings"][0]["message"]
+    assert (await client.post(f"/api/plans/{draft['id']}/check")).json()["violations"] == []
 
 
 async def test_expected_time_and_uncertainty_are_held_against_their_limits():

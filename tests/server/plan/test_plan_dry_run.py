@@ -292,7 +292,7 @@ async def test_plan_whose_rehearsal_broke_off_is_sent_after_a_second_word_only(
     assert found["message"].endswith("The robot did not fly the whole plan: it was lost.")
     refused = await client.post(f"/api/plans/{draft['id']}/upload")
     assert refused.status_code == 409
-    assert "may not be flown to its end" in refused.json()["detail"]
+    assert "may not be flown as it must" in refused.json()["detail"]
     assert refused.json()["errors"] == [{"loc": [found["field"]], "msg": found["message"]}]
     assert world.uploads == []
     body = {"confirmed": True}

@@ -50,6 +50,15 @@ describe('what speaks against sending a draft', () => {
   test('is known before it is held, whoever would refuse it then', () => {
     expect(reservations(draft)).toEqual([AWAY.message, 'Its rehearsal says: It ran aground.']);
     expect(reservations({ ...draft, outdated: [], rehearsal: null })).toEqual([]);
+    const message = 'The expected track leaves the lake by its north edge.';
+    const broken = [
+      { field: 'domain', message },
+      { field: 'margin_m', message: 'The expected track comes within 0.1 m of the reeds.' },
+    ];
+    const out = { ...FLAWED, completed: true, broken } as unknown as Plan['rehearsal'];
+    expect(reservations({ ...draft, outdated: [], rehearsal: out })).toEqual([
+      `Its rehearsal says: ${message}`,
+    ]);
   });
 
   test('does not concern a plan that has left the station', () => {

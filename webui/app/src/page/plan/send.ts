@@ -2,6 +2,9 @@ import type { LinkKind, Plan, RobotLink, RouteChoice, SatelliteQuote, Way } from
 import { shownState } from '../../part/link_state';
 import { carrierName } from '../../text/word';
 
+/** Limits that keep a robot in safe water. */
+const OUT_OF_BOUNDS = ['domain', 'keep_outs'];
+
 /**
  * What speaks against sending a draft, which a person may know better; the station refuses it for
  * these until that is confirmed.
@@ -9,9 +12,11 @@ import { carrierName } from '../../text/word';
 export function reservations(plan: Pick<Plan, 'state' | 'outdated' | 'rehearsal'>): string[] {
   if (plan.state !== 'draft') return [];
   const { rehearsal } = plan;
+  const beyond = (rehearsal?.broken ?? []).filter(({ field }) => OUT_OF_BOUNDS.includes(field));
   const isFlawed = rehearsal?.completed === false || (rehearsal?.entered ?? []).length > 0;
   return [
     ...plan.outdated.map(({ message }) => message),
+    ...beyond.map(({ message }) => `Its rehearsal says: ${message}`),
     ...(rehearsal && isFlawed ? [`Its rehearsal says: ${rehearsal.message}`] : []),
   ];
 }
