@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from autonomy.field.carriage import Carrier
 from autonomy.field.score import Scores
 from db.column import moment
 from db.query.events import add_event
@@ -23,7 +24,7 @@ from server.map.field_model import MODEL_TITLES
 from server.map.grid import grid_of
 from server.map.group import MapGroup
 from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
-from server.map.samples import field_samples, usable
+from server.map.samples import field_samples, in_moving_water, usable
 from server.map.site_map import basis_of, view_on_grid
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.map.view import (
@@ -100,7 +101,8 @@ class MapComparisons:
         columns = await self._store.query(
             lambda session: sample_columns(session, group.robots, group.config.variable)
         )
-        problem = await asyncio.to_thread(_problem, group, columns)
+        carrier = self._maps.carrier(group)
+        problem = await asyncio.to_thread(_problem, group, columns, carrier)
         found: Compared = await worked_out(
             self._workers, COMPARE_MAPS, problem, lambda news: progress.report(*news)
         )
@@ -143,12 +145,13 @@ def map_group(maps: FieldMaps, fleet: Fleet, robot: str, variable: str) -> MapGr
     return group
 
 
-def _problem(group: MapGroup, columns: SampleColumns) -> ComparisonProblem:
+def _problem(group: MapGroup, columns: SampleColumns, carrier: Carrier | None) -> ComparisonProblem:
+    samples = field_samples(columns)
     return ComparisonProblem(
         field=group.config,
         domain=group.domain,
         site=group.site,
-        samples=field_samples(columns),
+        samples=in_moving_water(samples, group.config, carrier, group.domain),
         is_simulated=group.is_simulated,
     )
 

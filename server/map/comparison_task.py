@@ -31,6 +31,12 @@ LEAST_DIVE = 3
 SCORED_MAX = 400
 """Most held-out samples of a part that are scored, evenly spread."""
 
+CARRIED = (
+    "Samples were carried along with the water; how unsure that is, "
+    f"{MODEL_TITLES['position_noise']} alone counts."
+)
+"""What a comparison says of a map in moving water."""
+
 Report = Callable[[tuple[float, str]], None]
 
 
@@ -48,6 +54,8 @@ def run(problem: ComparisonProblem, report: Report, is_cancelled: Callable[[], b
     against, known, folds, message = _yardstick(problem)
     models: list[ComparedModel] = []
     notes = [message] if message else []
+    if problem.field.carriage == "water":
+        notes.append(CARRIED)
     for number, key in enumerate(MODELS):
         if is_cancelled():
             break

@@ -203,6 +203,10 @@ class FieldMaps:
         group = self._of.get(robot)
         return None if group is None or group.live is None else group.live.samples
 
+    def carrier(self, group: MapGroup) -> Carrier | None:
+        """Return the map of the current of a group's water, where one may be relied upon."""
+        return next(filter(None, map(self._carrier_of, sorted(group.members))), None)
+
     def carriage(self, robot: str) -> str:
         """Return whether the samples of a robot's live map are carried along with the water."""
         group = self._of.get(robot)
@@ -281,7 +285,7 @@ class FieldMaps:
         columns = await self._store.query(
             lambda session: sample_columns(session, robots, config.variable)
         )
-        carrier = next(filter(None, map(self._carrier_of, sorted(group.members))), None)
+        carrier = self.carrier(group)
         group.live = await asyncio.to_thread(
             SiteMap.from_columns, config, grid, robots, columns, version, carrier, group.domain
         )

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.field.config import FieldConfig
 from autonomy.field.learned import LearnedConfig
+from autonomy.field.samples import FieldSamples
 from db.fault import StoreError
 from db.query import configurations as query
 from db.query.events import add_event
@@ -33,7 +34,7 @@ from server.map.comparison import map_group
 from server.map.event import DivesSmoothed
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
-from server.map.samples import field_samples
+from server.map.samples import field_samples, in_moving_water
 from server.map.task import LEARN_FIELD, LearningProblem
 from server.map.view import LearnedView
 
@@ -132,7 +133,13 @@ class MapLearning:
         columns = await self._store.query(
             lambda session: sample_columns(session, group.robots, group.config.variable)
         )
-        samples = await asyncio.to_thread(field_samples, columns)
+        carrier = self._maps.carrier(group)
+
+        def prepared() -> FieldSamples:
+            samples = field_samples(columns)
+            return in_moving_water(samples, group.config, carrier, group.domain)
+
+        samples = await asyncio.to_thread(prepared)
         problem = LearningProblem(group.config, samples, _SEED)
         learned: LearnedConfig = await worked_out(
             self._workers, LEARN_FIELD, problem, lambda news: progress.report(*news)

@@ -9,7 +9,10 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import IntArray
+from autonomy.field.carriage import Carrier, carried
+from autonomy.field.config import FieldConfig
 from autonomy.field.samples import FieldSamples
+from autonomy.site import Box
 from db.query.samples import SampleColumns, sample_columns
 from server.fleet.water import site_robots
 
@@ -44,6 +47,22 @@ def field_samples(columns: SampleColumns) -> FieldSamples:
         time_s=columns.measured_at_us * 1e-6,
         believed=columns.position_ned,
     )
+
+
+def in_moving_water(
+    samples: FieldSamples, config: FieldConfig, carrier: Carrier | None, domain: Box
+) -> FieldSamples:
+    """Return samples where a map with these settings has them: with ``carriage`` carried along.
+
+    Args:
+        samples: Where they were taken.
+        config: Of the map.
+        carrier: Map of the current, where there is one that may be relied upon.
+        domain: What is mapped.
+    """
+    if config.carriage == "still" or carrier is None or not len(samples):
+        return samples
+    return carried(samples, carrier, float(np.max(samples.time_s)), domain)
 
 
 def usable(columns: SampleColumns) -> SampleColumns:

@@ -12,7 +12,7 @@ from functools import reduce
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.carriage import WARNED_SHARE, Carrier, Drifted, carried, drifted
+from autonomy.field.carriage import WARNED_SHARE, Carrier, Drifted, drifted
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
 from autonomy.field.live.live_map import LiveMap, Prediction
@@ -23,7 +23,7 @@ from db.column import moment
 from db.query.samples import SampleColumns
 from robot_link.messages import Sample
 from server.map.field_model import MODEL_TITLES
-from server.map.samples import field_samples, first_dive, usable
+from server.map.samples import field_samples, first_dive, in_moving_water, usable
 from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)
@@ -125,8 +125,7 @@ class SiteMap:
         now_s = float(np.max(samples.time_s))
         if carrier is not None and domain is not None:
             site_map.drifted = drifted(samples, carrier, now_s)
-            if config.carriage == "water":
-                samples = carried(samples, carrier, now_s, domain)
+            samples = in_moving_water(samples, config, carrier, domain)
         site_map._live.replace(samples)
         site_map._note(samples)
         site_map._refresh(moment(int(columns.measured_at_us[-1])))

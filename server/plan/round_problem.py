@@ -1,5 +1,6 @@
 """What one round is planned with: settings, samples of the site, and what robots already plan."""
 
+import asyncio
 from collections.abc import Mapping
 
 import numpy as np
@@ -14,10 +15,11 @@ from db.query.missions import OPEN_STATES, get_mission
 from db.query.plans import PlanRecord, list_plans
 from robot_link.messages import PlanReport
 from server.base.foundation import Foundation
+from server.current.currents import Currents
 from server.fleet.fleet import Fleet
 from server.fleet.water import Water
 from server.map.group import field_config_of
-from server.map.samples import site_samples
+from server.map.samples import in_moving_water, site_samples
 from server.plan.ahead import planned_rest
 from server.plan.task import MapProblem, SurveyProblem
 
@@ -30,6 +32,7 @@ class RoundProblems:
     def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
         self._foundation = foundation
         self._fleet = fleet
+        self._currents = foundation.services.get(Currents)
 
     async def survey(
         self,
@@ -52,10 +55,11 @@ class RoundProblems:
             attempt: How often the search went on from an earlier one.
         """
         planned = await self._planned(plan.robot, config)
+        field = await self._field_config(plan.robot, config)
         return SurveyProblem(
             planner=config,
-            field=await self._field_config(plan.robot, config),
-            samples=await self._samples(plan.robot),
+            field=field,
+            samples=await self.samples(plan.robot, config, field),
             start_xy=start_xy,
             budget=budget,
             round_number=plan.round,
@@ -68,10 +72,11 @@ class RoundProblems:
 
     async def map(self, robot: str, config: PlannerConfig) -> MapProblem:
         """Return the map of a robot's site as a worker takes it."""
+        field = await self._field_config(robot, config)
         return MapProblem(
             planner=config,
-            field=await self._field_config(robot, config),
-            samples=await self._samples(robot),
+            field=field,
+            samples=await self.samples(robot, config, field),
             site=self._fleet.status(robot).record.site,
         )
 
@@ -79,11 +84,14 @@ class RoundProblems:
         found = await self._foundation.configurations.current("field", robot)
         return field_config_of(found, planner)
 
-    async def _samples(self, robot: str) -> FieldSamples:
+    async def samples(self, robot: str, planner: PlannerConfig, field: FieldConfig) -> FieldSamples:
+        """Return the samples of a robot's water, where the map has them that is planned for."""
         variable = self._fleet.status(robot).record.site.variable
-        return await self._foundation.store.query(
+        taken = await self._foundation.store.query(
             lambda session: site_samples(session, robot, variable)
         )
+        carrier = self._currents.usable(robot)
+        return await asyncio.to_thread(in_moving_water, taken, field, carrier, planner.domain)
 
     async def _planned(self, robot: str, config: PlannerConfig) -> FloatArray:
         """Return the points at which robots of the site will sample, shape ``(m, 5)``.

@@ -13,7 +13,6 @@ from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
 from server.map.field_model import MODEL_TITLES
 from server.map.group import field_config_of
-from server.map.samples import site_samples
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.map.view import ScoresView
 from server.plan.round_problem import RoundProblems
@@ -24,7 +23,11 @@ log = logging.getLogger(__name__)
 
 
 async def map_scores(
-    foundation: Foundation, workers: WorkerPool, robot: str, variable: str, config: PlannerConfig
+    foundation: Foundation,
+    problems: RoundProblems,
+    workers: WorkerPool,
+    robot: str,
+    config: PlannerConfig,
 ) -> list[ScoresView]:
     """Return the scores of every field model, each made of all samples of the robot's water.
 
@@ -33,10 +36,11 @@ async def map_scores(
         WorkerEndedError: The process died.
     """
     settings = await foundation.configurations.current("field", robot)
-    samples = await foundation.store.query(lambda s: site_samples(s, robot, variable))
+    field = field_config_of(settings, config)
+    samples = await problems.samples(robot, config, field)
     record = await foundation.store.query(lambda s: get_robot(s, robot))
     problem = ComparisonProblem(
-        field=field_config_of(settings, config),
+        field=field,
         domain=config.domain,
         site=record.site,
         samples=samples,
@@ -113,7 +117,7 @@ class SurveyMaps:
         variable = status.record.site.variable
         try:
             views = await map_scores(
-                self._foundation, self._workers, record.robot, variable, config
+                self._foundation, self._problems, self._workers, record.robot, config
             )
         except WORKER_FAILURES as error:
             text = f"{reason}. The map was not scored: {error}"

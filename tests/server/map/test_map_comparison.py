@@ -2,6 +2,7 @@ import asyncio
 import io
 from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,15 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.site import TANK
 from db.query.robots import add_robot
+from db.query.samples import sample_columns
 from robot_link.messages import RobotId, Sample
 from server.map import comparison_task as compare_maps
+from server.map.comparison import _problem
 from server.map.comparison_task import held_out_parts
 from server.map.field_model import MODEL_TITLES, MODELS
+from server.map.samples import field_samples
 from server.map.task import ComparisonProblem
+from tests.autonomy.test_field_carriage import Steady
 from tests.server.conftest import MINI, open_station, robot_record, until
 from tests.server.dive import begin_of, dive
 
@@ -237,3 +242,37 @@ def test_hardly_any_sample_is_compared_without_an_error(count):
     for one in found.models:
         assert np.isfinite(one.mean).all()
         assert one.scores.rmse > 0.0
+
+
+async def test_samples_that_the_map_carries_are_carried_for_models_learning_and_plans(
+    client, station, world
+):
+    await sampled(station, world)
+    group = station.maps.group(MINI)
+    flowing = Steady((0.002, 0.0))
+    station.maps._carrier_of = lambda _: flowing
+    problems = station.planning.problems
+    problems._currents = SimpleNamespace(usable=lambda _: flowing)
+    with station.foundation.store.read() as session:
+        columns = sample_columns(session, (MINI,), "blue_light")
+    taken = field_samples(columns)
+
+    async def where_all_have_them():
+        planner = await station.planning.settings.merged(MINI, {})
+        asked = await problems.map(MINI, planner)
+        compared = _problem(group, columns, station.maps.carrier(group))
+        np.testing.assert_array_equal(asked.samples.points, compared.samples.points)
+        return compared
+
+    still = await where_all_have_them()
+    np.testing.assert_array_equal(still.samples.points, taken.points)
+    answer = await client.patch("/api/config/field?robot=mini-1", json={"carriage": "water"})
+    assert answer.status_code == 200, answer.text
+    await until(lambda: station.maps.group(MINI).config.carriage == "water")
+    group = station.maps.group(MINI)
+    moved = await where_all_have_them()
+    shift = moved.samples.points - taken.points
+    assert np.all(shift[:20, 0] > 0.15)
+    np.testing.assert_allclose(shift[:, 1:], 0.0, atol=1e-9)
+    found = compare_maps.run(replace(moved, with_maps=False), print, never)
+    assert compare_maps.CARRIED in found.message
