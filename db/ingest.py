@@ -1,6 +1,7 @@
 """Decoded telemetry as it enters the tables, many rows a statement."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, cast
 
 from sqlalchemy import CursorResult, Table, select
@@ -9,10 +10,12 @@ from sqlalchemy.orm import Session
 
 from db.current_tables import CurrentReportRow
 from db.fault import UnknownIdError
+from db.onboard_tables import ActuatorReportRow
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleCount, SampleRow, StateRow
 from db.target_tables import TargetReportRow
 from robot_link.messages import (
     STATE,
+    ActuatorReport,
     CurrentReport,
     PlanReport,
     RawFrame,
@@ -21,7 +24,9 @@ from robot_link.messages import (
     TargetReport,
 )
 
-Telemetry = StateReport | Sample | PlanReport | TargetReport | CurrentReport | RawFrame
+Telemetry = (
+    StateReport | Sample | PlanReport | TargetReport | CurrentReport | ActuatorReport | RawFrame
+)
 """What the writer takes in batches."""
 
 
@@ -125,6 +130,8 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
                 "dives": value.dives,
                 "fixes_refused": value.fixes_refused,
             }
+        case ActuatorReport():
+            return ActuatorReportRow, _actuator_row(value)
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,
@@ -159,6 +166,23 @@ def _sample_row(sample: Sample) -> dict[str, Any]:
         "east_m": east_m,
         "depth_m": depth_m,
         "position_std_m": sample.position_std_m,
+    }
+
+
+def _actuator_row(report: ActuatorReport) -> dict[str, Any]:
+    following = {
+        f"{name}_{field}": value
+        for name, told in (("mass", report.mass), ("pump", report.pump))
+        for field, value in asdict(told).items()
+    }
+    return {
+        "measured_at": report.measured_at,
+        "received_at": report.received_at,
+        **following,
+        "speed_share": report.speed_share,
+        "is_mass_off": report.is_mass_off,
+        "is_swinging": report.is_swinging,
+        "stuck": ",".join(report.stuck),
     }
 
 

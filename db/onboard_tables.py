@@ -1,4 +1,4 @@
-"""Tables of what is kept ashore of a robot's own memory: its parameters and its log files."""
+"""Tables of what robots say of themselves: parameters, log files, how their actuators follow."""
 
 from datetime import datetime
 
@@ -36,3 +36,29 @@ class RobotLogRow(Base):
     fetched_size: Mapped[int | None]
     sha256: Mapped[str | None]
     fetched_at: Mapped[datetime | None]
+
+
+class ActuatorReportRow(Base):
+    """One report of a robot on how its sliding mass and its pump follow their commands."""
+
+    __tablename__ = "actuator_report"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    measured_at: Mapped[datetime] = mapped_column(primary_key=True)
+    received_at: Mapped[datetime]
+    mass_rate_share: Mapped[float]
+    mass_rate_std_octaves: Mapped[float]
+    mass_delay_s: Mapped[float]
+    mass_delay_std_s: Mapped[float]
+    mass_learned_age_s: Mapped[float | None]
+    pump_rate_share: Mapped[float]
+    pump_rate_std_octaves: Mapped[float]
+    pump_delay_s: Mapped[float]
+    pump_delay_std_s: Mapped[float]
+    pump_learned_age_s: Mapped[float | None]
+    speed_share: Mapped[float]
+    is_mass_off: Mapped[bool]
+    is_swinging: Mapped[bool]
+    stuck: Mapped[str]
+    """Names of actuators with commas between, such as ``sliding mass,pump``."""

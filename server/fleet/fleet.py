@@ -53,6 +53,7 @@ class Memory:
     track: Sequence[TrackPoint]
     target_report: TargetReport | None
     current_report: CurrentReport | None = None
+    actuator_report: ActuatorReport | None = None
 
 
 class Fleet:
@@ -94,6 +95,7 @@ class Fleet:
         status.state, status.plan_report = state, memory.plan_report
         status.target_report = memory.target_report
         status.current_report = memory.current_report
+        status.actuator_report = memory.actuator_report
         status.samples = {sample.variable: sample for sample in memory.samples}
         if state is not None:
             water = status.record.site

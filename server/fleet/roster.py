@@ -6,6 +6,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig
 from db.fault import StoreError
+from db.query.actuator_reports import newest_actuator_report
 from db.query.current_reports import newest_current_report
 from db.query.robots import RobotRecord, get_robot, list_robots
 from db.query.samples import newest_samples
@@ -86,4 +87,5 @@ def _memory(session: Session, robot: str) -> Memory:
         track=stored_track(session, robot, max_points=_TRACK_POINTS).points,
         target_report=newest_target_report(session, robot),
         current_report=newest_current_report(session, robot),
+        actuator_report=newest_actuator_report(session, robot),
     )

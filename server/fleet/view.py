@@ -162,7 +162,7 @@ class StateView(View):
     current: CurrentView | None
     """What the robot believes of the current; ``null`` of one that never told."""
     actuators: ActuatorsView | None
-    """How its actuators follow; ``null`` of one that has not told since the station started."""
+    """How its actuators follow; ``null`` of one that never told."""
     tracking: TargetReportView | None
     """Newest report on the target that the robot follows, or followed last; ``null`` for one that
     flies something else."""

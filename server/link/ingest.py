@@ -191,13 +191,13 @@ class Ingest:
         self._bus.publish(TargetReported(report))
 
     def _take_actuators(self, report: ActuatorReport) -> None:
-        """Take how the actuators follow; it is told again soon, so only the newest is kept."""
         report = self._clock_of(report.robot).dated(report)
         fault = fault_of_actuators(report, self._clock.now(), self._clock.speed)
         if fault is not None:
             self._refuse(report.robot, "actuators", fault)
             return
         self._told_faults.discard((report.robot, "actuators"))
+        self._append(report)
         self._fleet.take_actuators(report)
 
     def _take_current(self, report: CurrentReport) -> None:

@@ -18,15 +18,16 @@ from db.record import same
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
 from server.base.view import View, one_of
-from server.recording.export import csv_blocks, geojson, kml
+from server.recording.export import actuator_csv_blocks, csv_blocks, geojson, kml
 from server.recording.intake import RecordedScores
 from server.target.export import target_csv_blocks
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
-Format = Literal["csv", "geojson", "kml", "tracking"]
+Format = Literal["csv", "geojson", "kml", "tracking", "actuators"]
 _MEDIA_TYPES: dict[Format, str] = {
     "csv": "text/csv; charset=utf-8",
     "tracking": "text/csv; charset=utf-8",
+    "actuators": "text/csv; charset=utf-8",
     "geojson": "application/geo+json",
     "kml": "application/vnd.google-earth.kml+xml",
 }
@@ -101,23 +102,26 @@ async def export(
 ) -> Response:
     """Return the samples as CSV, or the track as GeoJSON or KML; simulated data says so.
 
-    ``tracking`` is a CSV of what the robot said of the targets that it followed.
+    ``tracking`` is a CSV of what the robot said of the targets that it followed, ``actuators`` one
+    of how its actuators followed.
     """
     del caller
     record = await store.query(lambda session: get_deployment(session, deployment))
     robot = await store.query(lambda session: get_robot(session, record.robot))
     mark = "SIMULATION_" if robot.simulated else ""
-    ending = "tracking.csv" if format == "tracking" else format
+    ending = f"{format}.csv" if format in ("tracking", "actuators") else format
     headers = {
         "Content-Disposition": f'attachment; filename="{mark}{robot.id}_{record.id}.{ending}"'
     }
     media_type = _MEDIA_TYPES[format]
-    if format in ("csv", "tracking"):
+    if format in ("csv", "tracking", "actuators"):
 
         def blocks() -> Generator[str]:
             with store.read() as session:
                 if format == "csv":
                     yield from csv_blocks(session, record, robot)
+                elif format == "actuators":
+                    yield from actuator_csv_blocks(session, record, robot)
                 else:
                     wanted = TargetSpan(record.started_at - _INSTANT, record.ended_at)
                     yield from target_csv_blocks(session, robot, wanted)

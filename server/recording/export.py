@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Generator, Iterable
-from itertools import groupby
+from dataclasses import astuple
+from itertools import groupby, islice
 from typing import Any
 from xml.sax.saxutils import escape
 
@@ -13,14 +14,26 @@ from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
 from db.column import microseconds
+from db.query.actuator_reports import iterate_actuator_reports
 from db.query.deployments import DeploymentRecord
 from db.query.robots import RobotRecord
 from db.query.samples import SampleRecord, iterate_samples, sampled_variables
 from db.query.telemetry import track
+from robot_link.messages import ActuatorReport
 from server.recording.table import COMMENT, POSITION_COLUMNS
 
 TRACK_POINTS_MAX = 50_000
 _BLOCK_ROWS = 500
+ACTUATOR_COLUMNS = (
+    "time", "received",
+    *(
+        f"{actuator}_{name}"
+        for actuator in ("mass", "pump")
+        for name in ("rate_share", "rate_std_octaves", "delay_s", "delay_std_s", "learned_age_s")
+    ),
+    "speed_share", "is_mass_off", "is_swinging", "stuck",
+)  # fmt: skip
+"""Columns of a file about actuators; what is not known is left empty."""
 
 
 def csv_blocks(
@@ -45,6 +58,29 @@ def csv_blocks(
             block = []
     if block:
         yield _csv_rows(block, robot.site, variables)
+
+
+def actuator_csv_blocks(
+    session: Session, deployment: DeploymentRecord, robot: RobotRecord
+) -> Generator[str]:
+    """Yield what the robot said in a deployment of how its actuators follow, as CSV."""
+    yield _mark(robot) + (
+        f"{COMMENT} {robot.id}, {deployment.id}: times Unix s (UTC), rates as a share of the "
+        "nominal one, delays s\n" + ",".join(ACTUATOR_COLUMNS) + "\n"
+    )
+    start, end = deployment.started_at, deployment.ended_at
+    reports = iterate_actuator_reports(session, robot.id, start, end)
+    while block := list(islice(reports, _BLOCK_ROWS)):
+        yield "".join(map(_actuator_row, block))
+
+
+def _actuator_row(report: ActuatorReport) -> str:
+    cells = [f"{microseconds(at) / 1e6:.6f}" for at in (report.measured_at, report.received_at)]
+    for following in (report.mass, report.pump):
+        cells += ["" if one is None else repr(one) for one in astuple(following)]
+    flags = (report.is_mass_off, report.is_swinging)
+    cells += [repr(report.speed_share), *(str(int(flag)) for flag in flags)]
+    return ",".join([*cells, ";".join(report.stuck)]) + "\n"
 
 
 def geojson(session: Session, deployment: DeploymentRecord, robot: RobotRecord) -> str:

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from db.current_tables import CurrentReportRow
 from db.ingest import Telemetry, append_telemetry
+from db.onboard_tables import ActuatorReportRow
 from db.query.journal import JournalRange, iterate_frames
 from db.query.plans import plan_by_hash
 from db.query.robots import RobotRecord, add_robot, list_robots
@@ -22,6 +23,7 @@ from db.target_tables import TargetReportRow
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
+    ActuatorReport,
     CurrentReport,
     OnboardPlanState,
     PlanHash,
@@ -37,6 +39,7 @@ from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.plausibility import (
+    fault_of_actuators,
     fault_of_current,
     fault_of_sample,
     fault_of_state,
@@ -50,8 +53,11 @@ TABLES: tuple[type[Base], ...] = (
     PlanReportRow,
     TargetReportRow,
     CurrentReportRow,
+    ActuatorReportRow,
 )
 """What is built from the journal."""
+Told = Telling | ActuatorReport
+"""What robots say that is kept; of actuators they say nothing by satellite."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
 """What a robot says of an offer concerns its upload alone."""
@@ -95,7 +101,7 @@ class Replay:
         self.packets = 0
         """Packets that were read."""
 
-    def values(self, frames: Iterable[RawFrame]) -> Generator[Telling]:
+    def values(self, frames: Iterable[RawFrame]) -> Generator[Told]:
         """Yield what robots said in incoming packets."""
         for frame in frames:
             self.packets += 1
@@ -109,9 +115,7 @@ class Replay:
                 if self._is_believable(timed, robot, frame):
                     yield timed
 
-    def _by_radio(
-        self, frame: RawFrame, robot: RobotRecord, system: SystemId
-    ) -> Generator[Telling]:
+    def _by_radio(self, frame: RawFrame, robot: RobotRecord, system: SystemId) -> Generator[Told]:
         for message in self._codec.unpack(frame.data).messages:
             if message.get_srcSystem() != system:
                 continue
@@ -141,13 +145,13 @@ class Replay:
             lambda digits: self._find_plan(robot.id, digits),
         )
 
-    def _timed(self, value: Telling, *, is_prompt: bool) -> Telling:
+    def _timed(self, value: Told, *, is_prompt: bool) -> Told:
         judge = self._clocks.setdefault(value.robot, ClockJudge(self._speed))
         if isinstance(value, StateReport):
             judge.hear(value, is_prompt=is_prompt)
         return judge.dated(value)
 
-    def _is_believable(self, value: Telling, robot: RobotRecord, frame: RawFrame) -> bool:
+    def _is_believable(self, value: Told, robot: RobotRecord, frame: RawFrame) -> bool:
         match value:
             case StateReport():
                 return fault_of_state(value, robot.site, frame.at, self._speed) is None
@@ -157,14 +161,16 @@ class Replay:
                 return fault_of_target(value, robot.site, frame.at, self._speed) is None
             case CurrentReport():
                 return fault_of_current(value, frame.at, self._speed) is None
+            case ActuatorReport():
+                return fault_of_actuators(value, frame.at, self._speed) is None
             case PlanReport():
                 return True
 
 
-def _is_kept(value: Value) -> TypeGuard[Telling]:
+def _is_kept(value: Value) -> TypeGuard[Told]:
     if isinstance(value, PlanReport):
         return value.state not in _NOT_KEPT
-    return isinstance(value, StateReport | Sample | TargetReport | CurrentReport)
+    return isinstance(value, StateReport | Sample | TargetReport | CurrentReport | ActuatorReport)
 
 
 def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:

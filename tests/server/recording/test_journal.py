@@ -28,6 +28,7 @@ from server.recording.tlog import tlog_blocks
 from server.station import Station, run_station
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.db.target import target_report
+from tests.robot_link.test_actuator_report import REPORT as ACTUATORS
 from tests.server.conftest import MINI, until
 
 STATION_RADIO = Address(0x0013A200_41F000FF)
@@ -41,6 +42,7 @@ async def talk(link):
     for number in range(SAMPLES):
         link.report_state(state(1, float(number)))
         link.report_target(replace(target_report(number), measured_at=datetime.now(UTC)))
+        link.report_actuators(replace(ACTUATORS, measured_at=datetime.now(UTC)))
         at = datetime.now(UTC)
         depth_m = 900.0 if number == 7 else 0.4
         link.record_sample("blue_light", 0.1 * number, (1.0, 0.5, depth_m), 0.05, at)
@@ -92,6 +94,7 @@ async def test_a_replay_of_the_journal_gives_the_rows_that_are_stored(folder, tm
     assert tables["state_report"].same > 0
     assert tables["plan_report"].same > 0
     assert tables["track_report"].same > 0
+    assert tables["actuator_report"].same > 0
     assert all(table.only_stored == table.only_replayed == 0 for table in tables.values())
 
 
