@@ -25,8 +25,16 @@ def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate
     return ""
 
 
+_DOUBT_STDS = 2.0
+"""So many standard deviations of the position are kept from walls and shore at least."""
+
+
 def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str:
-    """Return why this dive must end, or "": uncertainty, floor, or walls and shore."""
+    """Return why this dive must end, or "": uncertainty, floor, or walls and shore.
+
+    Kept from walls and shore is the profile's margin, or twice the standard deviation of the
+    position where that is more.
+    """
     north, east, depth = estimate.position_ned
     if flight.is_surfaced(estimate):
         return ""
@@ -35,7 +43,8 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     profile = flight.profile
     if depth > float(flight.site.floor_m(north, east)) - profile.floor_margin_m:
         return "the floor is near"
-    if flight.site.clearance_m(north, east) < profile.shore_margin_m:
+    kept_m = max(profile.shore_margin_m, _DOUBT_STDS * estimate.position_std_m)
+    if flight.site.clearance_m(north, east) < kept_m:
         return "a wall or the shore is near"
     return ""
 

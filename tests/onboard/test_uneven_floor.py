@@ -38,5 +38,16 @@ def test_a_robot_comes_up_before_it_meets_the_floor_where_it_is():
         assert danger(flight, settings, estimate) == reason
 
 
+def test_a_robot_that_doubts_its_position_keeps_farther_from_the_shore():
+    life = Life(replace(GRACE_1, start_ne_m=SHALLOW))
+    flight, settings = life.executive._flight, MissionSettings(10.0, 50.0, 5000.0, *SHALLOW)
+    shore_m = LAKE.clearance_m(*SHALLOW)
+    assert shore_m > 2.0 * flight.profile.shore_margin_m
+    near = "a wall or the shore is near"
+    for std_m, reason in ((0.1, ""), (0.49 * shore_m, ""), (0.51 * shore_m, near)):
+        estimate = replace(life.estimate, position_ned=(*SHALLOW, 1.0), position_std_m=std_m)
+        assert danger(flight, settings, estimate) == reason
+
+
 def test_a_tank_keeps_its_flat_floor():
     assert Life(MINI_1).robot.body.plant._uneven is None
