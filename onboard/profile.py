@@ -19,6 +19,8 @@ class FlightProfile:
     """Speed with the full gait."""
     entry_speed_m_s: float
     """A glide begins with this speed from swimming."""
+    turn_s: float
+    """How long it turns at the surface before a dive, about."""
     near_m: float
     """Within this distance a target's direction means nothing any more."""
     aim_m: float
@@ -45,6 +47,7 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         pitch_rate_rad_s=0.10,
         swimming_speed_m_s=0.088,
         entry_speed_m_s=0.015,
+        turn_s=15.0,
         near_m=0.10,
         aim_m=0.35,
         arrival_m=0.3,
@@ -61,6 +64,7 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         pitch_rate_rad_s=0.065,
         swimming_speed_m_s=0.150,
         entry_speed_m_s=0.05,
+        turn_s=25.0,
         near_m=2.0,
         aim_m=4.0,
         arrival_m=4.0,

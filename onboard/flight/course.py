@@ -48,6 +48,16 @@ def anchored_end(legs: tuple[Leg, ...], north_m: float, east_m: float) -> Positi
     )
 
 
+def adrift_s(legs: tuple[Leg, ...]) -> float:
+    """Return for how long the water carries a robot before the first of these legs that steers."""
+    adrift = 0.0
+    for leg in legs:
+        if leg.kind in _STEERABLE:
+            break
+        adrift += leg.duration_s
+    return adrift
+
+
 def wrap(angle_rad: float) -> float:
     """Return the same direction in -pi..pi."""
     return math.remainder(angle_rad, 2.0 * math.pi)

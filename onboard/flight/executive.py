@@ -1,5 +1,6 @@
 """The mission executive: flies the plan on board, keeps its limits, obeys commands."""
 
+import math
 from dataclasses import replace
 from enum import Enum, auto
 
@@ -12,7 +13,7 @@ from onboard.flight.actuator_watch import STUCK_S, ActuatorWatch
 from onboard.flight.course import dive_ends, is_surface
 from onboard.flight.gentle import gait_for
 from onboard.flight.hardware import Readings, SetPoints
-from onboard.flight.leg import begin_leg, first_course
+from onboard.flight.leg import begin_leg, first_course, upstream
 from onboard.flight.maneuver import (
     Flight,
     Float,
@@ -22,7 +23,9 @@ from onboard.flight.maneuver import (
     Rise,
     Swim,
     Turn,
+    carried,
     distance,
+    nearest_inside,
 )
 from onboard.flight.navigation import Estimate
 from onboard.flight.over_ground import GroundCourse, over_ground
@@ -44,6 +47,8 @@ DIGITS = 12
 """Digits of a plan's hash that START names."""
 _MIND_EVERY_S = 1.0
 """Time between two looks at how the actuators follow."""
+_HOLDING_SHARE = 0.5
+"""In a current of more than this part of its swimming speed the robot goes nowhere upstream."""
 _TALK_MAX_S = 400.0
 """Longest stay at the surface for a call by satellite that does not end."""
 
@@ -305,7 +310,7 @@ class Executive:
         if not gait.is_near(flight.gait):
             self._flight = replace(flight, gait=gait)
             if self._stage is Stage.LEG and gait.speed_share < flight.gait.speed_share:
-                flown = begin_leg(self._flight, self._dive(), estimate)
+                flown = begin_leg(self._flight, self._dive(), estimate, self._planned_ne_m_s)
                 self._enter(Stage.LEG, flown)
                 self._flown = flown
 
@@ -384,11 +389,23 @@ class Executive:
         elif self.tracking.is_wanted:
             self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
         else:
-            start = self._legs[self.leg].start_ned[:2]
+            start = self._start_ne_m(estimate)
             if distance(estimate, start) > self._flight.profile.start_tolerance_m:
                 self._enter(Stage.APPROACH, Swim(self._flight, start, estimate))
             else:
                 self._turn(estimate)
+
+    def _start_ne_m(self, estimate: Estimate) -> tuple[float, float]:
+        """Return where to prepare the next dive: as far upstream as the water then carries it."""
+        legs, profile = self._dive(), self._flight.profile
+        start = legs[0].start_ned[:2]
+        believed = estimate.current.sure_ne_m_s
+        if not 0.0 < math.hypot(*believed) < _HOLDING_SHARE * profile.swimming_speed_m_s:
+            return start
+        start = upstream(start, legs, estimate, self._planned_ne_m_s)
+        if legs[0].kind is not PrimitiveKind.SWIM:
+            start = carried(start, estimate, -profile.turn_s)
+        return nearest_inside(self._flight.site.domain, *start)
 
     def _keep_up(self, estimate: Estimate) -> None:
         """End or suspend the pursuit of a target if it is time to."""
@@ -443,7 +460,7 @@ class Executive:
         legs = self._dive()
         self._account.begin_leg(legs[0])
         self._flight.pilot.reset()
-        flown = begin_leg(self._flight, legs, estimate)
+        flown = begin_leg(self._flight, legs, estimate, self._planned_ne_m_s)
         self._enter(Stage.LEG, flown)
         self._flown = flown
 
@@ -469,6 +486,10 @@ class Executive:
         self._stage = stage
         self._maneuver = maneuver
         self._flown = None
+
+    @property
+    def _planned_ne_m_s(self) -> tuple[float, float]:
+        return self.planned_current_ne_m_s or (0.0, 0.0)
 
     @property
     def _legs(self) -> tuple[Leg, ...]:

@@ -17,6 +17,8 @@ _ALIGNED_RAD = math.radians(15.0)
 _ALIGNED_S = 1.0
 _TURN_TIMEOUT_S = 90.0
 _SWIM_TIMEOUT_S = 60.0
+_CRAB_MOST = 0.7
+"""Greatest part of a swim's speed that is spent against the current from aside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class Swim:
         self._target = target_ne_m
         self._depth = DepthReference(depth_m)
         self._distance_m = max(distance(estimate, target_ne_m), flight.profile.arrival_m)
-        self._course = bearing(estimate, target_ne_m)
+        self._course = self._towards(estimate)
         self._closest_m = self._distance_m
         expected_s = self._distance_m / flight.profile.swimming_speed_m_s
         self._left_s = 2.0 * expected_s + _SWIM_TIMEOUT_S
@@ -130,7 +132,7 @@ class Swim:
         """Swim on."""
         self._left_s -= dt_s
         if distance(estimate, self._target) > self._flight.profile.near_m:
-            self._course = bearing(estimate, self._target)
+            self._course = self._towards(estimate)
         pilot = self._flight.pilot
         if self._depth.depth_m == 0.0:
             return pilot.swim(estimate, self._course)
@@ -147,6 +149,14 @@ class Swim:
     def share(self, estimate: Estimate) -> float:
         """Return the part of the distance that is done."""
         return 1.0 - distance(estimate, self._target) / self._distance_m
+
+    def _towards(self, estimate: Estimate) -> float:
+        """Return the heading that leads straight to the target over ground."""
+        course = bearing(estimate, self._target)
+        north, east = estimate.current.sure_ne_m_s
+        aside_m_s = east * math.cos(course) - north * math.sin(course)
+        share = aside_m_s / self._flight.profile.swimming_speed_m_s
+        return course - math.asin(min(max(share, -_CRAB_MOST), _CRAB_MOST))
 
 
 class Float:
@@ -202,6 +212,14 @@ def bearing(estimate: Estimate, target_ne_m: tuple[float, float]) -> float:
     """Return the course to a point."""
     north, east, _ = estimate.position_ned
     return math.atan2(target_ne_m[1] - east, target_ne_m[0] - north)
+
+
+def carried(
+    place_ne_m: tuple[float, float], estimate: Estimate, time_s: float
+) -> tuple[float, float]:
+    """Return where the believed current carries what is at a place, in a time; m."""
+    north, east = estimate.current.sure_ne_m_s
+    return place_ne_m[0] + north * time_s, place_ne_m[1] + east * time_s
 
 
 def nearest_inside(box: Box, north_m: float, east_m: float) -> tuple[float, float]:

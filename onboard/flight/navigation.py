@@ -41,6 +41,19 @@ class CurrentBelief:
     fixes_refused: int = 0
     """Fixes that were not believed so far."""
 
+    @property
+    def sure_ne_m_s(self) -> tuple[float, float]:
+        """What of the current is worth aiming off for, north and east.
+
+        Its uncertainty alone lets a current in still water be believed with the mean square
+        ``2 std^2``; the rest is the share of what is believed that is really there.
+        """
+        north, east = self.current_ne_m_s
+        squared = north**2 + east**2
+        by_chance = 2.0 * self.std_m_s**2
+        share = 1.0 - by_chance / squared if squared > by_chance else 0.0
+        return share * north, share * east
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:

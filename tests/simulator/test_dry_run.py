@@ -62,7 +62,8 @@ def test_a_plan_is_flown_whole_and_compared_with_what_it_promised():
 def test_what_the_water_does_unseen_shows_in_the_error():
     calm = flown(problem(drift=0.001))
     carried = flown(problem(drift=0.001, current_ne_m_s=(0.0, 0.06)))
-    assert carried.surfacing_error_m > calm.surfacing_error_m + 0.15
+    # the robot learns the current and aims off for it: its first dive tells, not its last
+    assert carried.rms_error_m > calm.rms_error_m + 0.05
     drift = carried.track.true_ned[:, 1] - carried.track.believed_ned[:, 1]
     assert drift.max() > 0.2
     assert carried.position_error_m > 2.0 * calm.position_error_m
