@@ -16,7 +16,8 @@ current is all but gone from a smoothed dive, and counts most in one that is und
 A robot states the deviation :math:`f(t)`, of which the part that grows as :math:`t` is a current
 that it knows to doubt; the rest is the walk. That what is stated may be wrong shows in the jumps,
 by how much each fix moved the position: ``error_scale`` learns from them by how much walks are
-longer than stated, and how strong a current is that nobody told.
+longer than stated, how strong a current is that nobody told, and what of the robot's own doubt of
+the current is true. The error of the fix itself is as stated.
 """
 
 import math
@@ -33,18 +34,24 @@ if TYPE_CHECKING:
 
 _AT_REST = 1.05
 """Before it leaves, a robot states no more than this times the least deviation of the dive."""
-_FEWEST_TO_SPLIT = 4
+_FEWEST_TO_SPLIT = 3
 """Samples of a dive from which on walk and current can be told apart."""
 _SEEN = 0.5
 """Share of a dive that its samples must span to tell what was stated at its end."""
 _TINY_M2 = 1e-24
+_TINY_GAIN = 1e-12
+"""A fix that moves nothing tells nothing of its jump."""
 _SHORTEST_S = 1e-3
 """Samples within this time after the fix are at the fix."""
 _LEAST_SHARE = 1e-9
 _WALK_SPREAD = 0.5
 """Standard deviation of the logarithm of the walk's scale before any jump is known."""
-_WALKS = np.exp(np.linspace(math.log(0.2), math.log(5.0), 25))
-_CURRENTS = np.exp(np.linspace(math.log(0.03), math.log(30.0), 31))
+_DOUBT_SPREAD = 2.0
+"""The same of the factor of the robot's own doubt of the current: it may steer by a prior that it
+never learns from."""
+_WALKS = np.exp(np.linspace(math.log(0.2), math.log(5.0), 21))
+_DOUBTS = np.exp(np.linspace(math.log(0.05), math.log(5.0), 9))
+_CURRENTS = np.exp(np.linspace(math.log(0.03), math.log(30.0), 21))
 """Currents that are weighed, in the prior's standard deviation."""
 
 
@@ -57,6 +64,8 @@ class ErrorScale:
     current_m_s: float = 0.0
     """Standard deviation of the steady current on each axis; where a robot doubts the current more
     than that itself, its own doubt counts."""
+    doubt: float = 1.0
+    """Factor of that doubt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +203,8 @@ class _OneDive:
     def jump(self, moved_ne_m: FloatArray) -> FloatArray:
         """Return the jump that moved samples by so much, shape ``(2,)``."""
         gain = np.where(self.is_smoothed, self.with_end_m2 / self.end_variance_m2, 0.0)
-        return gain @ moved_ne_m / float(gain @ gain)
+        size = float(gain @ gain)
+        return gain @ moved_ne_m / size if size > _TINY_GAIN else np.full(2, np.nan)
 
 
 def _growth(since_s: FloatArray, grown_m2: FloatArray) -> tuple[float, float]:
@@ -231,9 +241,12 @@ def _largest_current(since_s: FloatArray, stated_m2: FloatArray) -> float:
 def error_scale(reckoning: Reckoning, dive: IntArray, prior_m_s: float) -> ErrorScale:
     r"""Learn from the jumps at fixes how far position errors are from what was stated.
 
-    A jump is normal with variance :math:`k^2 w(T) + b^2 T^2 + r` on each axis. The scale :math:`k`
-    of the walk is log-normal about 1 beforehand, the current :math:`b` half Cauchy with scale
-    ``prior_m_s``; the means of both variances afterwards are what counts. Without any jump it is
+    A jump is normal with variance :math:`k^2 w(T) + s^2 c^2 T^2 + 2 r` on each axis, with the
+    robot's own doubt :math:`c` of the current; to it comes the way of a current that nobody told,
+    of deviation :math:`b`: either one for all dives, or another in each, which is as likely. (Where
+    it is another in each the greater of both doubts counts.) The factors :math:`k` of the walk and
+    :math:`s` of the doubt are log-normal about 1 beforehand, :math:`b` half Cauchy with scale
+    ``prior_m_s``; the means of the variances afterwards are what counts. Without any jump it is
     what was stated, and the prior's current.
 
     Args:
@@ -250,24 +263,63 @@ def error_scale(reckoning: Reckoning, dive: IntArray, prior_m_s: float) -> Error
     one, square = one[is_possible], square[is_possible]
     if not len(square):
         return ErrorScale(1.0, prior_m_s)
-    currents = _CURRENTS * prior_m_s if prior_m_s > 0.0 else np.zeros(1)
-    walk2, current2 = np.square(_WALKS)[:, None, None], np.square(currents)[None, :, None]
-    stated2 = np.square(one.current_std_m_s)
-    walked = np.maximum(
-        one.end_variance_m2 - one.fix_variance_m2 - stated2 * np.square(one.end_s), 0.0
-    )
-    carried = np.maximum(current2, stated2) * np.square(one.end_s)
-    variance = walk2 * walked + carried + one.fix_variance_m2 + _TINY_M2
-    density = -np.sum(np.log(variance) + 0.5 * square / variance, axis=2)
-    density -= 0.5 * np.square(np.log(_WALKS) / _WALK_SPREAD)[:, None]
-    if prior_m_s > 0.0:
-        density += np.log(_CURRENTS / (1.0 + np.square(_CURRENTS)))
-    weight = np.exp(density - np.max(density))
-    weight /= np.sum(weight)
-    return ErrorScale(
-        math.sqrt(float(np.sum(weight * walk2[:, :, 0]))),
-        math.sqrt(float(np.sum(weight * current2[:, :, 0]))),
-    )
+    fix2, end2 = one.fix_variance_m2, np.square(one.end_s)
+    doubt2 = np.square(one.current_std_m_s) * end2
+    walk2 = np.maximum(one.end_variance_m2 - 2.0 * fix2 - doubt2, 0.0)
+    jumps = _Jumps(one.jump_ne_m, one.end_s, walk2, doubt2, 2.0 * fix2 + _TINY_M2)
+    return jumps.scale(prior_m_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Jumps:
+    """Jumps at the fixes of ``n`` dives, and what was stated of them, m^2."""
+
+    jump_ne_m: FloatArray
+    """Shape ``(n, 2)``, m."""
+    end_s: FloatArray
+    walk2: FloatArray
+    doubt2: FloatArray
+    fixes2: FloatArray
+
+    def scale(self, prior_m_s: float) -> ErrorScale:
+        """Weigh every scale on a grid, walk by doubt by current."""
+        currents = _CURRENTS * prior_m_s if prior_m_s > 0.0 else np.zeros(1)
+        doubts = _DOUBTS if self.doubt2.any() else np.ones(1)
+        k2, s2 = np.square(_WALKS)[:, None, None], np.square(doubts)[None, :, None]
+        b2 = np.square(currents)[None, None, :]
+        prior = -0.125 * np.square(np.log(k2) / _WALK_SPREAD)
+        prior = prior - 0.125 * np.square(np.log(s2) / _DOUBT_SPREAD)
+        if prior_m_s > 0.0:
+            prior = prior + np.log(_CURRENTS / (1.0 + np.square(_CURRENTS)))
+        shared, met2 = self._one_current(k2, s2, b2)
+        density = prior + np.stack([self._a_current_each(k2, s2, b2), shared])
+        weight = np.exp(density - np.max(density))
+        weight /= np.sum(weight)
+        return ErrorScale(
+            math.sqrt(float(np.sum(weight * k2))),
+            math.sqrt(float(np.sum(weight[0] * b2) + np.sum(weight[1] * met2))),
+            math.sqrt(float(np.sum(weight * s2))),
+        )
+
+    def _a_current_each(self, k2: FloatArray, s2: FloatArray, b2: FloatArray) -> FloatArray:
+        """Return the log density if each dive meets a current of its own."""
+        carried = np.maximum(b2[..., None] * np.square(self.end_s), s2[..., None] * self.doubt2)
+        variance = k2[..., None] * self.walk2 + carried + self.fixes2
+        square = np.square(self.jump_ne_m).sum(axis=1)
+        return -np.sum(np.log(variance) + 0.5 * square / variance, axis=-1)
+
+    def _one_current(
+        self, k2: FloatArray, s2: FloatArray, b2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the log density if one current is met by all, and what its square then is."""
+        variance = (k2 * self.walk2 + s2 * self.doubt2 + self.fixes2)[:, :, None]  # (k, s, 1, n)
+        square = np.square(self.jump_ne_m).sum(axis=1)
+        density = -np.sum(np.log(variance) + 0.5 * square / variance, axis=-1)
+        known = np.sum(np.square(self.end_s) / variance, axis=-1)
+        left2 = b2 / (1.0 + b2 * known)  # the current's variance given the jumps
+        seen2 = np.square((self.end_s / variance) @ self.jump_ne_m).sum(axis=-1)
+        density = density - np.log1p(b2 * known) + 0.5 * left2 * seen2
+        return density, left2 + 0.5 * np.square(left2) * seen2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -337,17 +389,16 @@ def _errors(samples: "FieldSamples", scale: ErrorScale) -> _Errors:
     stated, smoothed = np.square(samples.filtered_std_m), np.square(samples.position_std_m)
     is_smoothed = (smoothed < stated * (1.0 - _LEAST_SHARE)) & np.isfinite(known.end_variance_m2)
     current2 = np.square(known.current_std_m_s)
-    own = _parts(known, np.maximum(stated - current2 * np.square(known.since_fix_s), 0.0), current2)
-    scaled2 = np.maximum(current2, scale.current_m_s**2)
-    now = _parts(known, scale.walk**2 * own[0], scaled2, scale.walk**2)
-    walk, carried, told = now
+    stated_walk = np.maximum(stated - current2 * np.square(known.since_fix_s), 0.0)
+    own = _parts(known, stated_walk, current2)
+    scaled2 = np.maximum(scale.doubt**2 * current2, scale.current_m_s**2)
+    walk, carried, told = _parts(known, stated_walk, scaled2, scale.walk**2)
     told = np.where(is_smoothed, told, 0.0)
     total = walk + np.square(carried)
     variance = np.maximum(total - np.square(told), _LEAST_SHARE * total + _TINY_M2)
     before_total = own[0] + np.square(own[1])
     before = np.maximum(before_total - np.square(own[2]), _LEAST_SHARE * before_total + _TINY_M2)
-    ratio = np.clip(variance / before, 0.0, np.maximum(total, _TINY_M2) / before)
-    std = np.where(is_smoothed, np.sqrt(smoothed * ratio), np.sqrt(total))
+    std = np.sqrt(np.where(is_smoothed, _nearer(smoothed, before, variance, total), total))
     if scale == ErrorScale():
         std = np.where(is_smoothed, samples.position_std_m, samples.filtered_std_m)
     return _Errors(
@@ -355,16 +406,35 @@ def _errors(samples: "FieldSamples", scale: ErrorScale) -> _Errors:
     )
 
 
+def _nearer(
+    smoothed: FloatArray, before: FloatArray, after: FloatArray, most: FloatArray
+) -> FloatArray:
+    """Return smoothed variances after the scale made others of those that were worked out.
+
+    What a dive's samples show of it may not explain how far smoothing went: of the same factor and
+    the same difference the one that changes less is taken.
+    """
+    factor, difference = smoothed * (after / before), smoothed + after - before
+    grown, shrunk = np.minimum(factor, difference), np.maximum(factor, difference)
+    return np.minimum(np.where(after > before, grown, shrunk), np.maximum(most, _TINY_M2))
+
+
 def _parts(
     known: Reckoning, walk: FloatArray, current2: FloatArray, walk2: float = 1.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return variance of the walk, way of the current, and what a fix at the end would tell."""
+    """Return variance of the walk, way of the current, and what a fix at the end would tell.
+
+    The walk's factor is not one of the fix with which it began.
+    """
     current = np.sqrt(current2)
     carried = current * known.since_fix_s
     is_timed = np.isfinite(known.end_s)
     end_s = np.where(is_timed, known.end_s, 0.0)
     at_end = known.end_variance_m2 - known.fix_variance_m2
-    at_end = walk2 * np.maximum(at_end - np.square(known.current_std_m_s * end_s), 0.0)
+    at_end = np.maximum(at_end - np.square(known.current_std_m_s * end_s), 0.0)
+    begun = np.minimum(walk, known.fix_variance_m2)
+    walk = begun + walk2 * (walk - begun)
+    at_end = begun + walk2 * np.maximum(at_end - begun, 0.0)
     jump = at_end + np.square(current * end_s) + known.fix_variance_m2
     is_ended = np.isfinite(jump) & (jump > 0.0)
     told = np.zeros(len(walk))

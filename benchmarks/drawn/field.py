@@ -213,19 +213,19 @@ class Robot:
             carried = dt * (self._filter.current_ne - world.current_ne_m_s)
             self._error = self._error + walked + carried
             planned = point[POINT_NORTH : POINT_EAST + 1]
-            reckoned, before_s = planned + offset, self._time_s
+            reckoned = planned + offset
             here = reckoned - self._error
             self._filter.predict(dt)
             self._time_s += dt
             if point[POINT_DOWN] <= self._told.surface_depth_m:
-                finished.append(self._fix(here, reckoned, before_s))
+                finished.append(self._fix(here, reckoned))
                 offset = here + self._error - planned
             self._believed = np.array([*(here + self._error), point[POINT_DOWN]])
             believed[i], true[i] = self._believed, (*here, point[POINT_DOWN])
             std[i], dive[i] = self._filter.std_m, self._dive
         return Flight(began_s + points[:, POINT_TIME], believed, true, std, dive, tuple(finished))
 
-    def _fix(self, true_ne: FloatArray, reckoned_ne: FloatArray, before_s: float) -> Dive:
+    def _fix(self, true_ne: FloatArray, reckoned_ne: FloatArray) -> Dive:
         std_m, current_std_m_s = self._filter.std_m, self._filter.current_std_m_s
         north_m_s, east_m_s = self._filter.current_ne.tolist()
         fixed = true_ne + self._told.fix_std_m * self._rng.standard_normal(2)
@@ -233,7 +233,7 @@ class Robot:
         self._error = self._error + moved
         ended = Dive(
             start_s=self._began_s,
-            end_s=before_s,
+            end_s=self._time_s,
             fix_time_s=self._time_s,
             fix_ne_m=(float(fixed[0]), float(fixed[1])),
             fix_std_m=self._told.fix_std_m,

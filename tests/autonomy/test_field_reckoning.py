@@ -202,3 +202,62 @@ def test_samples_that_come_one_by_one_know_when_their_dive_began():
     )
     np.testing.assert_allclose(later.reckoning.since_fix_s, whole.reckoning.since_fix_s[9:])
     np.testing.assert_allclose(later.reckoning.current_std_m_s, 0.02, rtol=1e-6)
+
+
+def dives_that_doubt(doubt_m_s, true_ne_m_s, walk_share, seed, count=20):
+    """Smoothed dives of a robot that doubts the current and never learns it."""
+    rng = np.random.default_rng(seed)
+    dives = []
+    for number in range(count):
+        length = int(rng.integers(6, 16))
+        end_s = PERIOD_S * length
+        spread = math.hypot(math.sqrt(2.0) * FIX_M, walk_share * DRIFT * math.sqrt(end_s))
+        jump = spread * rng.standard_normal(2) + end_s * np.array(true_ne_m_s)
+        dives.append(dive_of(length, doubt_m_s, smoothed=True, jump=jump, number=number)[0])
+    return joined_dives(dives)
+
+
+def test_a_doubt_that_no_jump_bears_out_does_not_count():
+    walks = []
+    for seed in range(6):
+        samples = dives_that_doubt(0.01, (0.0, 0.0), 0.0, seed)
+        scale = error_scale(samples.reckoning, samples.dive, 0.01)
+        assert scale.doubt < 0.2
+        np.testing.assert_allclose(located_std_m(samples, scale), FIX_M, rtol=0.4)
+        drifting = dives_that_doubt(0.01, (0.0, 0.0), 1.0, seed)
+        walks.append(error_scale(drifting.reckoning, drifting.dive, 0.01).walk)
+    assert 0.8 < np.mean(walks) < 1.2
+
+
+def test_a_current_that_all_dives_meet_is_not_taken_for_longer_walks():
+    walks = []
+    for seed in range(6):
+        samples = dives_that_doubt(0.01, (0.024, -0.018), 1.0, seed)
+        scale = error_scale(samples.reckoning, samples.dive, 0.01)
+        assert 0.017 < scale.current_m_s < 0.026  # 3 cm/s are 2.1 on each axis
+        walks.append(scale.walk)
+    assert 0.8 < np.mean(walks) < 1.2
+
+
+@pytest.mark.parametrize("walk", [0.2, 3.0])
+def test_the_fix_that_began_a_dive_is_as_good_as_stated_however_long_walks_are(walk):
+    samples, _, _ = dive_of(20, 0.0, smoothed=True, jump=(0.1, 0.0))
+    scale = ErrorScale(walk)
+    at_fix = samples.position_std_m[0]
+    assert located_std_m(samples, scale)[0] == pytest.approx(at_fix, rel=0.1)
+    middle = located_std_m(samples, scale)[10] ** 2 - samples.position_std_m[10] ** 2
+    assert math.copysign(1.0, middle) == math.copysign(1.0, walk - 1.0)
+
+
+def test_smoothing_that_samples_do_not_explain_makes_none_less_sure_than_stated():
+    filtered = np.array([0.00999, 0.02297, 0.04216, 0.0619])  # a doubt of 1 cm/s, seen three times
+    samples = FieldSamples.of(
+        np.zeros((4, 3)),
+        np.ones(4),
+        np.array([0.00991, 0.00933, 0.00976, 0.00998]),
+        filtered_std_m=filtered,
+        time_s=np.array([0.0, 2.0, 4.0, 6.0]),
+        believed=np.array([[0.0, 0.0, 0.0], [0.001, 0.0, 0.0], [0.002, 0.0, 0.0], [0.003, 0, 0]]),
+    )
+    for scale in (ErrorScale(0.3, 0.0004, 0.05), ErrorScale(1.0, 0.001), ErrorScale(0.7, 0.0)):
+        assert (located_std_m(samples, scale) <= 1.05 * filtered).all()
