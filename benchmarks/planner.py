@@ -34,7 +34,7 @@ from autonomy.planner.plan import PlanResult
 from autonomy.planner.reference import literal
 from autonomy.planner.search import kernel, search
 from benchmarks.calibration import COMPILED, calibrated, scaled_row
-from benchmarks.drawn.problem import FRESH_POINTS, THESIS, Judge, draw
+from benchmarks.drawn.problem import FRESH_POINTS, KINDS, THESIS, Judge, draw
 from benchmarks.memory import peak_mb
 
 SEEDS = (0, 1, 2)
@@ -104,6 +104,8 @@ class Duel:
     left: float
     """Deviation that the map is left with, the mean over the searches."""
     letter_left: float
+    rate: float
+    """Candidates a processor second, the mean over the searches."""
 
     @classmethod
     def of(
@@ -124,6 +126,7 @@ class Duel:
             0.0 if letter_points is None else judge.information(letter_points),
             float(np.mean([judge.left_std(one.points) for one in best])),
             judge.left_std(letter_points),
+            float(np.mean([one.candidates / one.history[-1].elapsed_s for one in results])),
         )
 
     @property
@@ -183,6 +186,17 @@ def drawn_rows(drawn_from: int, duels: Sequence[Duel]) -> list[dict[str, object]
             bool(spread.mean() <= WORST_SPREAD),
         ),
         row("map's deviation left, by the letter's, mean", float(left.mean()), "", None, None),
+        *(
+            row(
+                f"{kind}: candidates a processor second, mean",
+                float(np.mean(rates)),
+                "1/s",
+                None,
+                None,
+            )
+            for kind in KINDS
+            if (rates := [duel.rate for duel in duels if duel.kind == kind])
+        ),
     ]
 
 

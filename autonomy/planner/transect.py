@@ -20,7 +20,10 @@ from autonomy.planner.leg.edge import (
     Edge,
     propose_edge,
 )
+from autonomy.planner.leg.edge_kernel import propose
+from autonomy.planner.leg.leg_kernel import LEG_COLUMNS
 from autonomy.planner.leg.waterway import Waterway
+from autonomy.planner.limits import Limits, legs_max, limits_of
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
 
@@ -56,8 +59,11 @@ def transects(
         The dives of each line, of which at least one can be flown.
     """
     count = config.search.transects
+    if not count:
+        return []
+    limits = limits_of(config, budget)
     lines = [
-        _line(config, start_xy, budget, waterway, 2.0 * math.pi * number / count, edges_max)
+        _line(config, limits, start_xy, budget, waterway, 2.0 * math.pi * number / count, edges_max)
         for number in range(count)
     ]
     return [line for line in lines if line]
@@ -65,6 +71,7 @@ def transects(
 
 def _line(
     config: PlannerConfig,
+    limits: Limits,
     start_xy: tuple[float, float],
     budget: float,
     waterway: Waterway,
@@ -75,7 +82,7 @@ def _line(
     here, spent = start_xy, spending(config, ())
     while len(line) < edges_max:
         left, begin_s = budget - spent.energy, spent.duration_s
-        found = _next_dive(config, here, left, waterway, heading_rad, begin_s)
+        found = _next_dive(config, limits, here, left, waterway, heading_rad, begin_s)
         if found is None:
             break
         edge, heading_rad = found
@@ -89,6 +96,7 @@ def _line(
 
 def _next_dive(
     config: PlannerConfig,
+    limits: Limits,
     here_xy: tuple[float, float],
     budget: float,
     waterway: Waterway,
@@ -97,6 +105,7 @@ def _next_dive(
 ) -> tuple[Edge, float] | None:
     """Return the deepest dive with the least change of course, and its heading."""
     motion = config.primitives
+    legs = np.empty((legs_max(config), LEG_COLUMNS))
     slope = math.tan(_MIDDLE * (motion.glide_angle_min_rad + motion.glide_angle_max_rad))
     for turn in _TURNS:
         heading = heading_rad + turn
@@ -112,6 +121,8 @@ def _next_dive(
             if not config.domain.contains(*goal_xy, 0.0):
                 continue
             shape = _shape(config, part)
+            if not propose(limits, waterway, here_xy, goal_xy, shape, legs, begin_s):
+                continue
             edge = propose_edge(config, here_xy, goal_xy, budget, shape, waterway, begin_s)
             if edge is not None and all(leg.kind is PrimitiveKind.GLIDE for leg in edge.legs):
                 return edge, heading

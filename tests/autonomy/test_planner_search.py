@@ -149,6 +149,33 @@ def test_better_half_of_the_starts_goes_on():
     assert one._group(seen[-1]).max() == one.best
 
 
+def test_gaps_get_proposals_enough_in_the_lake_where_few_dives_can_be_flown():
+    config, site = WORLDS["grace3"]
+    belief = belief_over(config.domain, lengths=lengths_of(config))
+    start, rng = open_water(config, site, np.random.default_rng(0)), np.random.default_rng(0)
+    one = search.Search(config, belief, start, rng, 40.0, site)
+    one.begin_with(())
+    proposals = 0
+    for _ in range(30):
+        search.stage_refinement(one.graph, rng)
+        proposals += int(one.graph.tally[graph.PROPOSALS])
+    assert proposals > 30 * 40
+
+
+def test_transects_are_laid_once_for_all_starts():
+    config, site = WORLDS["grace3"]
+    config = with_search(config, iterations_max=240)
+    belief = belief_over(config.domain, lengths=lengths_of(config))
+    start = open_water(config, site, np.random.default_rng(0))
+    with mock.patch.object(search, "transects", wraps=search.transects) as laid:
+        one = search.Search(config, belief, start, np.random.default_rng(0), 40.0, site)
+        one.begin_with(())
+        for part in (0.0, 0.1, 0.2, 0.3):
+            one.go_to(part)
+    assert laid.call_count == 1
+    assert (one.graph.elite_worth.reshape(4, -1).max(axis=1) > 0.0).all()
+
+
 @pytest.mark.parametrize(
     ("seconds", "iterations", "starts"), [(5.0, 0, 4), (1.0, 0, 2), (0.2, 0, 1), (5.0, 100, 1)]
 )

@@ -99,12 +99,20 @@ class Rest(NamedTuple):
     piece_edge: IntArray
     """First edge in the stack of each proposal, then of what it may replace, and one behind the
     last, ``(proposals + 2, 2)``."""
-    pair_place: FloatArray
-    """The points of one or two pieces together, and their columns."""
+    piece_at: IntArray
+    """Where each piece begins in the following two, ``(proposals + 2,)``."""
+    piece_given: FloatArray
+    """Covariance with noise of each piece's points, given past samples and the rest."""
+    piece_inverse: Float32Array
+    """Inverse of each one's upper Cholesky factor."""
+    piece_half_noise: FloatArray
+    """Half the logarithm of the determinant of each piece's noise, ``(proposals + 2,)``."""
+    pair_cross: Float32Array
+    """Room for the covariance between two pieces, the same whitened by the first, and products."""
     pair_white: Float32Array
-    pair_solved: Float32Array
     pair_product: Float32Array
     pair_covariance: FloatArray
+    """Room for a covariance of a piece and another, ``(2, p p)``."""
 
 
 class Information(NamedTuple):
@@ -221,7 +229,7 @@ def _chains(graph: Graph, k: int, rows: int) -> Chains:
 
 
 def _rest(staged: int, rows: int, k: int, past: int) -> Rest:
-    r, pair = DEPTH_MAX * k, _REPLACED * k
+    r, piece = DEPTH_MAX * k, GAP_MAX * k
     return Rest(
         place=np.empty((3, r)),
         white=_room(r, past),
@@ -231,11 +239,14 @@ def _rest(staged: int, rows: int, k: int, past: int) -> Rest:
         explained=_room(max(rows, r) * r),
         solved=_room(rows * r),
         piece_edge=np.zeros((staged + _GAPS, 2), dtype=np.int64),
-        pair_place=np.empty((3, pair)),
-        pair_white=_room(pair, past),
-        pair_solved=_room(pair * r),
-        pair_product=_room(pair * pair),
-        pair_covariance=np.empty(pair * pair),
+        piece_at=np.zeros(staged + _GAPS, dtype=np.int64),
+        piece_given=np.empty(rows * piece),
+        piece_inverse=_room(rows * piece),
+        piece_half_noise=np.zeros(staged + _GAPS),
+        pair_cross=_room(piece * piece),
+        pair_white=_room(piece * piece),
+        pair_product=_room(piece * piece),
+        pair_covariance=np.empty((2, piece * piece)),
     )
 
 

@@ -3,10 +3,12 @@
 The points outside the gaps, the *rest*, are factorized once; everything on the stack is solved
 with their factors by products of large matrices. Then the gain of a piece given the rest needs
 only the covariance among its own points, and ``gain(rest) + gain(one piece) + gain(other piece)``
-is an upper bound on the gain of a trajectory with both.
+is an upper bound on the gain of a trajectory with both. Every piece keeps its factor, so that a
+pair costs the covariance between both and one factorization of the second.
 """
 
 import numpy as np
+import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel
@@ -107,57 +109,90 @@ def _stack_own(graph: Graph, info: Information) -> int:
 
 
 @inner_kernel
-def gain_given_rest(info: Information, one: int, other: int) -> float:
-    """Return the gain of one or two pieces, given the rest; ``other`` is -1 for one alone."""
-    k = _gather(info, one, 0)
-    if other >= 0:
-        k = _gather(info, other, k)
-    if k == 0:
-        return 0.0
-    rest, count = info.rest, info.tally[REST]
-    given = rest.pair_covariance[: k * k].reshape(k, k)
-    fill_block(info.covariance, rest.pair_place, 0, rest.pair_place, 0, info.distance, given)
-    half_noise, at = _add_noise(info, one, 0, given)
-    if other >= 0:
-        half_other, _ = _add_noise(info, other, at, given)
-        half_noise += half_other
-    if rest.white.shape[1] > 0:
-        _subtract(info, rest.pair_white[:k], given)
-    if count > 0:
-        _subtract(info, rest.pair_solved[: k * count].reshape(k, count), given)
-    return float(half_log_determinant(given, k) - half_noise)
+def gains_given_rest(graph: Graph, info: Information, gain: FloatArray) -> None:
+    """Set the gain of each piece given the rest, and keep what pairs of pieces are judged with."""
+    rest, stack, count, at = info.rest, info.stack, info.tally[REST], 0
+    for piece in range(graph.tally[PROPOSALS] + 2):
+        begin, end = _rows_of(info, piece)
+        k = end - begin
+        gain[piece] = 0.0
+        rest.piece_at[piece] = at
+        if k == 0:
+            continue
+        given = rest.piece_given[at : at + k * k].reshape(k, k)
+        fill_block(info.covariance, stack.place, begin, stack.place, begin, info.distance, given)
+        half_noise = _add_noise(info, piece, given)
+        rest.piece_half_noise[piece] = half_noise
+        if rest.white.shape[1] > 0:
+            _subtract(info, stack.white[begin:end], stack.white[begin:end], given)
+        if count > 0:
+            solved = rest.solved[begin * count : end * count].reshape(k, count)
+            _subtract(info, solved, solved, given)
+        upper = rest.pair_covariance[0][: k * k].reshape(k, k)
+        inverse = rest.pair_covariance[1][: k * k].reshape(k, k)
+        upper[:, :] = given
+        gain[piece] = half_log_determinant(upper, k) - half_noise
+        invert_upper(upper, inverse)
+        rest.piece_inverse[at : at + k * k].reshape(k, k)[:, :] = inverse
+        at += k * k
 
 
 @inner_kernel
-def _add_noise(info: Information, piece: int, at: int, given: FloatArray) -> tuple[float, int]:
-    """Add the noise of a piece's edges; return what it counts by itself, and the next row."""
-    stack, half_noise = info.stack, 0.0
+def gain_of_pair(info: Information, gain: FloatArray, one: int, other: int) -> float:
+    """Return the gain of two pieces, given the rest: that of one, and of the other given one."""
+    begin, end = _rows_of(info, one)
+    other_begin, other_end = _rows_of(info, other)
+    k, m = end - begin, other_end - other_begin
+    if k == 0 or m == 0:
+        return float(gain[one] + gain[other])
+    rest, stack, count = info.rest, info.stack, info.tally[REST]
+    cross = rest.pair_cross[: k * m].reshape(k, m)
+    fill_block(info.covariance, stack.place, begin, stack.place, other_begin, info.distance, cross)
+    if rest.white.shape[1] > 0:
+        _subtract(info, stack.white[begin:end], stack.white[other_begin:other_end], cross)
+    if count > 0:
+        solved = rest.solved[begin * count : end * count].reshape(k, count)
+        other_solved = rest.solved[other_begin * count : other_end * count].reshape(m, count)
+        _subtract(info, solved, other_solved, cross)
+    at, other_at = rest.piece_at[one], rest.piece_at[other]
+    inverse = rest.piece_inverse[at : at + k * k].reshape(k, k)
+    white = rest.pair_white[: k * m].reshape(k, m)
+    np.dot(inverse.T, cross, white)
+    given = rest.pair_covariance[0][: m * m].reshape(m, m)
+    given[:, :] = rest.piece_given[other_at : other_at + m * m].reshape(m, m)
+    _subtract(info, white.T, white.T, given)
+    return float(gain[one] + half_log_determinant(given, m) - rest.piece_half_noise[other])
+
+
+@inner_kernel
+def _rows_of(info: Information, piece: int) -> tuple[int, int]:
+    """Return the first row of a piece on the stack, and one behind its last."""
+    first, last = info.rest.piece_edge[piece]
+    return int(info.stack.begin[first]), int(info.stack.begin[last])
+
+
+@inner_kernel
+def _add_noise(info: Information, piece: int, given: FloatArray) -> float:
+    """Add the noise of a piece's edges to its covariance; return what it counts by itself."""
+    stack, half_noise, at = info.stack, 0.0, 0
     first, last = info.rest.piece_edge[piece]
     for edge in range(first, last):
         k = stack.begin[edge + 1] - stack.begin[edge]
         given[at : at + k, at : at + k] += stack.noise[edge, :k, :k]
         half_noise += stack.half_noise[edge]
         at += k
-    return half_noise, at
+    return half_noise
 
 
 @inner_kernel
-def _gather(info: Information, piece: int, at: int) -> int:
-    """Copy a piece's points and columns behind ``at`` others; return how many there are now."""
-    rest, stack, count = info.rest, info.stack, info.tally[REST]
-    first, last = rest.piece_edge[piece]
-    begin, end = stack.begin[first], stack.begin[last]
-    until = at + end - begin
-    rest.pair_place[:, at:until] = stack.place[:, begin:end]
-    rest.pair_white[at:until] = stack.white[begin:end]
-    rest.pair_solved[at * count : until * count] = rest.solved[begin * count : end * count]
-    return int(until)
-
-
-@inner_kernel
-def _subtract(info: Information, columns: Float32Array, matrix: FloatArray) -> None:
-    """Subtract ``columns columns^T``."""
-    k = len(columns)
-    product = info.rest.pair_product[: k * k].reshape(k, k)
-    np.dot(columns, columns.T, product)
+def _subtract(
+    info: Information,
+    columns: Float32Array,
+    others: Float32Array,
+    matrix: npt.NDArray[np.floating],
+) -> None:
+    """Subtract ``columns others^T``."""
+    k, m = len(columns), len(others)
+    product = info.rest.pair_product[: k * m].reshape(k, m)
+    np.dot(columns, others.T, product)
     matrix -= product

@@ -28,7 +28,11 @@ from autonomy.planner.graph import (
 )
 from autonomy.planner.information.columns import whiten
 from autonomy.planner.information.information import Information
-from autonomy.planner.information.refinement import condition_on_rest, gain_given_rest
+from autonomy.planner.information.refinement import (
+    condition_on_rest,
+    gain_of_pair,
+    gains_given_rest,
+)
 from autonomy.planner.search.elite import (
     elite_edge,
     elite_place,
@@ -64,8 +68,7 @@ def refine(
     if info is not None:
         whiten(graph, info)
         rest_gain = condition_on_rest(graph, info)
-        for piece in range(pieces + 2):
-            gain[piece] = gain_given_rest(info, piece, -1)
+        gains_given_rest(graph, info, gain)
     if ergodic is not None:
         spread(graph, ergodic)
         constant = prepare_pieces(graph, ergodic)
@@ -90,7 +93,7 @@ def refine(
                 above = bound_of(ergodic, constant, pieces + 2, one, other)
                 value += worth.measure_weight * above
             bound[i, j] = rank(graph, spent[i, j], value)
-    _take_best(graph, info, ergodic, worth, edges, rest_gain, spent, bound)
+    _take_best(graph, info, ergodic, worth, edges, rest_gain, gain, spent, bound)
 
 
 @kernel
@@ -122,6 +125,7 @@ def _take_best(
     worth: Worth,
     edges: Int32Array,
     rest_gain: float,
+    gain: FloatArray,
     spent: FloatArray,
     bound: FloatArray,
 ) -> None:
@@ -139,7 +143,7 @@ def _take_best(
         other = before + j if before + j < pieces else pieces + 1
         value = worth.constant
         if info is not None:
-            value += worth.gain_weight * (rest_gain + gain_given_rest(info, one, other))
+            value += worth.gain_weight * (rest_gain + gain_of_pair(info, gain, one, other))
         if ergodic is not None:
             value += worth.measure_weight * measure_with(ergodic, one, other)
         ranked = rank(graph, float(spent[i, j]), value)

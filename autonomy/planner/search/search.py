@@ -264,6 +264,8 @@ class Search:
         if config.objective != "information_gain":
             self.ergodic = ergodic_of(config, belief, self.graph)
         self.worth = worth_of(config, belief, start_xy)
+        water = self.graph.waterway
+        self._transects = transects(config, start_xy, budget, water, DEPTH_MAX)
 
     @property
     def best(self) -> float:
@@ -335,9 +337,7 @@ class Search:
         return self.graph.elite_worth[start * size : (start + 1) * size]
 
     def _lay_transects(self) -> None:
-        for line in transects(
-            self._config, self._start_xy, self._budget, self.graph.waterway, DEPTH_MAX
-        ):
+        for line in self._transects:
             self._take(line)
 
     def _take(self, edges: Sequence[Edge]) -> None:

@@ -29,8 +29,9 @@ from autonomy.planner.leg.edge_kernel import energy_of, place_points, propose
 from autonomy.planner.leg.leg_kernel import DURATION, Z0, Z1
 from autonomy.planner.search.elite import elite_edge, end_of, group_worth, in_gap, start_of
 
-_ATTEMPTS_SHARE = 0.25
-"""Attempts at filling one gap, as a share of the edges that can be staged."""
+_PROPOSALS_SHARE, _TRIES_SHARE = 0.15, 2.0
+"""Proposals for one gap, and how often they are tried at most, as shares of the edges that can be
+staged. Where a dive is long or the water shallow, few of the tries can be flown."""
 _FIRST_CALLS = 20
 """Calls that may be made for a first edge from the start, without which there is no search."""
 GAP_MAX = 3
@@ -248,7 +249,11 @@ def _fill_gap(graph: Graph, first: int, taken: int, rng: np.random.Generator) ->
     begin_s = 0.0
     for i in range(first):
         begin_s += duration_of(graph, elite_edge(graph, elite, i))
-    for _ in range(int(_ATTEMPTS_SHARE * len(graph.staged_point_count))):
+    tries = int(_TRIES_SHARE * len(graph.staged_point_count))
+    wanted = graph.tally[PROPOSALS] + int(_PROPOSALS_SHARE * len(graph.staged_point_count))
+    for _ in range(tries):
+        if graph.tally[PROPOSALS] == wanted:
+            break
         goal = end
         if first + taken == graph.elite_length[elite] and rng.random() < 0.5:
             goal = _around(graph, end, _FAR_NUDGE * graph.step, rng)
