@@ -13,20 +13,10 @@ from db.fault import UnknownIdError
 from db.onboard_tables import ActuatorReportRow
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleCount, SampleRow, StateRow
 from db.target_tables import TargetReportRow
-from robot_link.messages import (
-    STATE,
-    ActuatorReport,
-    CurrentReport,
-    PlanReport,
-    RawFrame,
-    Sample,
-    StateReport,
-    TargetReport,
-)
+from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport
+from robot_link.report import ActuatorReport, CurrentReport, RobotReport, TargetReport
 
-Telemetry = (
-    StateReport | Sample | PlanReport | TargetReport | CurrentReport | ActuatorReport | RawFrame
-)
+Telemetry = RobotReport | RawFrame
 """What the writer takes in batches."""
 
 

@@ -89,22 +89,11 @@ class Computer:
         plans = MemoryPlanStore() if memory is None else FilePlanStore(memory / "plan")
         talk = None if satellite is None else _talk_settings(satellite_config or SatelliteConfig())
         self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
-        values = None if memory is None else FileValues(memory / "parameters.json")
-        parameters = OwnParameters(
-            vehicle,
-            BACKSTEPPING_PRESETS.get(vehicle.key, BacksteppingConfig()),
-            FLIGHT_PROFILES[vehicle.key],
-            program.executive,
-            talk,
-            kept={} if values is None else values.load(),
-            save=_forget if values is None else values.save,
-        )
+        parameters = _own_parameters(memory, vehicle, program, talk)
         if (mission := plans.load()) is not None:
             program.take_plan(mission)
         self._flown = FlownPlan(None if memory is None else memory / "flown")
-        quiet = QuietOrder(None if memory is None else memory / "quiet")
-        program.executive.tracking.obey(is_quiet=quiet.is_quiet)
-        program.executive.tracking.remember_quiet = quiet.note
+        _obey_kept_quiet(memory, program)
         self._noted = program.executive.mode, program.executive.plan_state
         self.link = RobotLink(
             system,
@@ -129,8 +118,8 @@ class Computer:
             self._pinger = Pinger(program, acoustic, clock)
         if satellite is not None and talk is not None:
             node, key = satellite
-            store = MemoryStore() if memory is None else FileStore(memory / "satellite")
             self._nodes["satellite"] = node
+            store = MemoryStore() if memory is None else FileStore(memory / "satellite")
             self.talk = SatelliteTalk(
                 robot,
                 system,
@@ -193,6 +182,30 @@ class Computer:
             self.link.report_current(current)
         if (actuators := self.program.due_actuator_report()) is not None:
             self.link.report_actuators(actuators)
+
+
+def _own_parameters(
+    memory: Path | None, vehicle: Vehicle, program: OnboardProgram, talk: TalkSettings | None
+) -> OwnParameters:
+    """Return the robot's parameters, those set that were changed before it was switched off."""
+    values = None if memory is None else FileValues(memory / "parameters.json")
+    return OwnParameters(
+        vehicle,
+        BACKSTEPPING_PRESETS.get(vehicle.key, BacksteppingConfig()),
+        FLIGHT_PROFILES[vehicle.key],
+        program.executive,
+        talk,
+        kept={} if values is None else values.load(),
+        save=_forget if values is None else values.save,
+    )
+
+
+def _obey_kept_quiet(memory: Path | None, program: OnboardProgram) -> None:
+    """Let a robot that was told not to ping stay silent, and remember what it is told."""
+    quiet = QuietOrder(None if memory is None else memory / "quiet")
+    tracking = program.executive.tracking
+    tracking.obey(is_quiet=quiet.is_quiet)
+    tracking.remember_quiet = quiet.note
 
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:

@@ -22,19 +22,16 @@ from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
 from robot_link.messages import (
-    ActuatorFollowing,
-    ActuatorReport,
     CommandKind,
-    CurrentReport,
     OnboardPlanState,
     PositionNed,
     RobotId,
     RobotMode,
     StateReport,
-    TargetReport,
 )
 from robot_link.mission import Mission
 from robot_link.onboard_settings import DigestSettings
+from robot_link.report import ActuatorFollowing, ActuatorReport, CurrentReport, TargetReport
 
 _ESTIMATED = ("roll_rad", "pitch_rad", "heading_rad")
 _SENSED = tuple(

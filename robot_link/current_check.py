@@ -3,7 +3,7 @@
 import math
 
 from autonomy.estimation.config import MOST_DOUBT
-from robot_link.messages import CurrentReport
+from robot_link.report import CurrentReport
 
 FASTEST_M_S = 10.0
 """No water moves faster."""

@@ -1,9 +1,9 @@
-"""What a report report can say, whichever wire brought it."""
+"""What a report on a target can say, whichever wire brought it."""
 
 import math
 
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import TargetEstimate, TargetReport
+from robot_link.report import TargetEstimate, TargetReport
 
 MOST_HYPOTHESES = 2
 _ROUNDING = 1e-2

@@ -9,7 +9,8 @@ from sqlalchemy.orm import Session
 from db.onboard_tables import ActuatorReportRow
 from db.query.robots import robot_key
 from db.record import same
-from robot_link.messages import ActuatorFollowing, ActuatorReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import ActuatorFollowing, ActuatorReport
 
 _ROWS_AT_ONCE = 1000
 

@@ -10,7 +10,8 @@ from autonomy.arrays import FloatArray
 from db.current_tables import CurrentReportRow
 from db.query.robots import robot_key
 from db.record import same
-from robot_link.messages import CurrentReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import CurrentReport
 
 
 def newest_current_report(

@@ -12,7 +12,8 @@ from db.query.target_span import EVERYTHING, TargetSpan
 from db.record import same
 from db.tables import Event, PlanReportRow
 from db.target_tables import TargetReportRow
-from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TargetReport
+from robot_link.messages import OnboardPlanState, RobotId
+from robot_link.report import TargetEstimate, TargetReport
 
 _ROWS_AT_ONCE = 1000
 _ENDED = (int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED))

@@ -14,6 +14,7 @@ from onboard.link.plan_store import PlanStore
 from onboard.link.sample_sender import SampleSender
 from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
+from robot_link.actuator_check import actuator_fault
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.delivery import deliver
 from robot_link.mavlink import actuator, current, target, telemetry
@@ -26,9 +27,7 @@ from robot_link.mavlink.command import (
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
-    ActuatorReport,
     CommandKind,
-    CurrentReport,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -36,9 +35,9 @@ from robot_link.messages import (
     RobotMode,
     StateReport,
     SystemId,
-    TargetReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import ActuatorReport, CurrentReport, TargetReport
 from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.service.duplicate import DuplicateWatch
@@ -237,7 +236,7 @@ class RobotLink:
 
     def report_actuators(self, report: ActuatorReport) -> None:
         """Send how the actuators follow once, as ``report_target`` sends a target."""
-        if not actuator.actuator_fault(report):
+        if not actuator_fault(report):
             self._actuators.put(partial(actuator.actuator_message, report))
 
     def report_current(self, report: CurrentReport) -> None:

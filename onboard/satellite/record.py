@@ -6,15 +6,9 @@ from typing import Protocol
 from onboard.link.plan_desk import PlanOnBoard
 from robot_link.clock import Clock
 from robot_link.mavlink import current, target
-from robot_link.messages import (
-    CurrentReport,
-    RobotId,
-    Sample,
-    StateReport,
-    SystemId,
-    TargetReport,
-)
+from robot_link.messages import RobotId, Sample, StateReport, SystemId
 from robot_link.onboard_settings import DigestSettings
+from robot_link.report import CurrentReport, TargetReport
 from robot_link.sample_log import SampleKey, SampleLog
 from robot_link.satellite.digest import choose
 from robot_link.satellite.record import (

@@ -13,8 +13,9 @@ from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate
 from onboard.target.pursuit import Pursuit
 from onboard.target.ranging import Hearing
-from robot_link.messages import RobotId, TargetEstimate, TargetReport
+from robot_link.messages import RobotId
 from robot_link.mission import Mission
+from robot_link.report import TargetEstimate, TargetReport
 
 _SEED_DIGITS = 12
 _LAST_WORD_S = 60.0

@@ -1,11 +1,12 @@
 """Actuator reports between the dialect's GRACE_ACTUATORS and the project's values."""
 
-import math
 from datetime import datetime
 
+from robot_link.actuator_check import checked_actuators
 from robot_link.mavlink.telemetry import microseconds, moment
 from robot_link.mavlink.wire import grace
-from robot_link.messages import ActuatorFollowing, ActuatorReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import ActuatorFollowing, ActuatorReport
 
 ACTUATOR_FRAME_BYTES = 12 + grace.MAVLink_grace_actuators_message.unpacker.size
 """Bytes of one report's frame, at most."""
@@ -17,7 +18,6 @@ _STUCK = {
     "tail": grace.GRACE_ACTUATOR_FLAGS_TAIL_STUCK,
 }
 _NEVER = -1.0
-_MOST_SHARE, _MOST_DELAY_S = 10.0, 60.0
 
 
 def actuator_message(report: ActuatorReport) -> grace.MAVLink_grace_actuators_message:
@@ -74,26 +74,7 @@ def actuator_report(
         is_swinging=bool(message.flags & _SWINGS),
         stuck=tuple(name for name, flag in _STUCK.items() if message.flags & flag),
     )
-    if fault := actuator_fault(report):
-        raise ValueError(f"an actuator report has {fault}")
-    return report
-
-
-def actuator_fault(report: ActuatorReport) -> str:
-    """Return what is impossible about a report, "" if nothing is."""
-    for one in (report.mass, report.pump):
-        numbers = (one.rate_share, one.rate_std_octaves, one.delay_s, one.delay_std_s)
-        if not all(map(math.isfinite, (*numbers, one.learned_age_s or 0.0))):
-            return "a number that is not finite"
-        if not 0.0 < one.rate_share <= _MOST_SHARE:
-            return f"a rate of {one.rate_share:.3g} times the nominal one"
-        if not 0.0 <= one.delay_s <= _MOST_DELAY_S:
-            return f"a delay of {one.delay_s:.3g} s"
-        if one.rate_std_octaves < 0.0 or one.delay_std_s < 0.0 or (one.learned_age_s or 0.0) < 0.0:
-            return "a negative deviation or age"
-    if not 0.0 < report.speed_share <= 1.0 + 1e-6:
-        return f"legs at {report.speed_share:.3g} times their speed"
-    return "" if set(report.stuck) <= _STUCK.keys() else "an actuator that nobody has"
+    return checked_actuators(report)
 
 
 def _following(

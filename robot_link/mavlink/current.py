@@ -5,7 +5,8 @@ from datetime import datetime
 from robot_link.current_check import checked_current, current_fault
 from robot_link.mavlink.telemetry import microseconds, moment
 from robot_link.mavlink.wire import grace
-from robot_link.messages import CurrentReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import CurrentReport
 
 CURRENT_FRAME_BYTES = 12 + grace.MAVLink_grace_current_message.unpacker.size
 """Bytes of one report's frame, at most."""

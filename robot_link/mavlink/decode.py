@@ -6,27 +6,10 @@ from datetime import datetime
 from robot_link.mavlink import actuator, current, target, telemetry
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
-    PlanReport,
-    RobotId,
-    RobotMode,
-    Sample,
-    StateReport,
-    TargetReport,
-)
+from robot_link.messages import RobotId, RobotMode
+from robot_link.report import RobotReport
 
-Value = (
-    RobotMode
-    | StateReport
-    | Sample
-    | PlanReport
-    | TargetReport
-    | CurrentReport
-    | ActuatorReport
-    | None
-)
+Value = RobotMode | RobotReport | None
 """What one message means; None for what the station does not keep."""
 
 

@@ -6,7 +6,8 @@ from datetime import datetime
 from autonomy.tracking.phase import SpeedClass
 from robot_link.mavlink.telemetry import check_finite, microseconds, moment
 from robot_link.mavlink.wire import grace
-from robot_link.messages import RobotId, TargetEstimate, TargetReport
+from robot_link.messages import RobotId
+from robot_link.report import TargetEstimate, TargetReport
 from robot_link.target_check import MOST_HYPOTHESES, checked_target, target_phase
 
 TARGET_FRAME_BYTES = 12 + grace.MAVLink_grace_track_message.unpacker.size

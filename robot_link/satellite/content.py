@@ -6,12 +6,11 @@ from enum import IntEnum
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandNumber,
-    CurrentReport,
     OnboardPlanState,
     Sample,
     StateReport,
-    TargetReport,
 )
+from robot_link.report import CurrentReport, TargetReport
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
 

@@ -7,7 +7,8 @@ one; u8 dives; u8 fixes refused. What exceeds its field is shown as the field's 
 import struct
 
 from robot_link.current_check import checked_current
-from robot_link.messages import CurrentReport, StateReport
+from robot_link.messages import StateReport
+from robot_link.report import CurrentReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, signed, unsigned
 

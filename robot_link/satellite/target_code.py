@@ -20,7 +20,8 @@ import struct
 from collections.abc import Sequence
 
 from autonomy.tracking.phase import SpeedClass
-from robot_link.messages import StateReport, TargetEstimate, TargetReport
+from robot_link.messages import StateReport
+from robot_link.report import TargetEstimate, TargetReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, float24, signed, unsigned
 from robot_link.target_check import MOST_HYPOTHESES, checked_target, target_phase

@@ -13,7 +13,6 @@ from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
-    LinkEvent,
     LinkReport,
     LogId,
     PlanHash,
@@ -22,6 +21,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import LinkEvent
 from robot_link.service.file_store import FileEntry
 from robot_link.service.heartbeat import beat
 from robot_link.service.parameter_table import ParameterValue

@@ -9,17 +9,14 @@ from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.decode import Value, decoded, robot_time
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
-    LinkEvent,
     OnboardPlanState,
     PlanReport,
     RawFrame,
     RobotMode,
     Sample,
     StateReport,
-    TargetReport,
 )
+from robot_link.report import ActuatorReport, CurrentReport, LinkEvent, TargetReport
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.roster import Member, Roster
 from robot_link.station.sample_gate import SampleGate

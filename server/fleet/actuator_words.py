@@ -1,7 +1,7 @@
 """What the station says of how a robot's actuators follow, in words."""
 
 from autonomy.vehicle.config import Vehicle
-from robot_link.messages import ActuatorFollowing, ActuatorReport
+from robot_link.report import ActuatorFollowing, ActuatorReport
 from server.fleet.view import ActuatorFollowingView, ActuatorsView
 
 _LEAST_SHARE, _LEAST_DELAY_S = 0.005, 0.05

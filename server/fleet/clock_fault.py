@@ -8,19 +8,10 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final, TypeVar
 
-from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
-    PlanReport,
-    Sample,
-    StateReport,
-    TargetReport,
-)
+from robot_link.messages import StateReport
+from robot_link.report import RobotReport
 
-Told = TypeVar(
-    "Told",
-    bound=StateReport | Sample | PlanReport | TargetReport | CurrentReport | ActuatorReport,
-)
+Told = TypeVar("Told", bound=RobotReport)
 
 AHEAD_MAX: Final = timedelta(seconds=60)
 """Nothing is told before it happens: a clock that is farther ahead is wrong."""

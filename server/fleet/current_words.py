@@ -2,7 +2,7 @@
 
 import math
 
-from robot_link.messages import CurrentReport
+from robot_link.report import CurrentReport
 from server.fleet.view import CurrentView
 
 DOUBT_TOLD = 1.3

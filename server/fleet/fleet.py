@@ -10,16 +10,14 @@ from db.query.robots import RobotRecord
 from db.query.telemetry import TrackPoint
 from robot_link.clock import Clock
 from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
     LinkReport,
     LinkState,
     OnboardPlanState,
     PlanReport,
     Sample,
     StateReport,
-    TargetReport,
 )
+from robot_link.report import ActuatorReport, CurrentReport, RobotReport, TargetReport
 from server.base.event_bus import EventBus
 from server.base.problem import not_found
 from server.fleet.clock_fault import ClockFault
@@ -203,9 +201,7 @@ class Fleet:
         """Take a report on the current; one that is older than the newest changes nothing."""
         self._take_newest("current_report", report)
 
-    def _take_newest(
-        self, name: str, report: TargetReport | ActuatorReport | CurrentReport
-    ) -> None:
+    def _take_newest(self, name: str, report: RobotReport) -> None:
         """Keep a report in the robot's status unless that has a newer one of the kind."""
         status = self._statuses[report.robot]
         newest = getattr(status, name)

@@ -8,16 +8,10 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from autonomy.site import Site
+from robot_link.actuator_check import actuator_fault
 from robot_link.current_check import current_fault
-from robot_link.mavlink.actuator import actuator_fault
-from robot_link.messages import (
-    STATE,
-    ActuatorReport,
-    CurrentReport,
-    Sample,
-    StateReport,
-    TargetReport,
-)
+from robot_link.messages import STATE, Sample, StateReport
+from robot_link.report import ActuatorReport, CurrentReport, TargetReport
 from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 

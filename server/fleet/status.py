@@ -9,8 +9,6 @@ from autonomy.planner.plan import Leg
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
 from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
     LinkReport,
     LinkState,
     OnboardPlanState,
@@ -18,8 +16,8 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
-    TargetReport,
 )
+from robot_link.report import ActuatorReport, CurrentReport, TargetReport
 from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.transport.opening import is_radio
 from server.fleet.clock_fault import ClockFault

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Annotated
 
 from db.record import same
-from robot_link.messages import TargetReport
+from robot_link.report import TargetReport
 from server.base.view import View, one_of
 from server.fleet.target_words import target_text
 

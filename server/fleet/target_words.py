@@ -8,7 +8,8 @@ from sqlalchemy.orm import Session
 from autonomy.estimation.position import STD_95
 from autonomy.tracking.phase import TargetPhase
 from db.query.target_end import mission_end
-from robot_link.messages import OnboardPlanState, PlanReport, TargetEstimate, TargetReport
+from robot_link.messages import OnboardPlanState, PlanReport
+from robot_link.report import TargetEstimate, TargetReport
 
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
 _SMALL = 0.005

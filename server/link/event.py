@@ -7,7 +7,8 @@ once they are committed.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_link.messages import CommandReport, PlanReport, Sample, TargetReport, UploadReport
+from robot_link.messages import CommandReport, PlanReport, Sample, UploadReport
+from robot_link.report import TargetReport
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,28 +9,28 @@ import logging
 from collections.abc import Sequence
 from concurrent.futures import Future
 from datetime import datetime
+from functools import partial
+from typing import Protocol, TypeVar
 
+from autonomy.site import Site
 from db.fault import StoreError
 from db.ingest import Telemetry
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import (
-    ActuatorReport,
     CommandReport,
-    CurrentReport,
-    LinkEvent,
     LinkReport,
     PlanReport,
     RawFrame,
     RobotId,
     Sample,
     StateReport,
-    TargetReport,
     UploadReport,
 )
+from robot_link.report import ActuatorReport, CurrentReport, LinkEvent, RobotReport, TargetReport
 from server.base.event_bus import EventBus
-from server.fleet.clock_fault import AHEAD_MAX, ClockJudge
+from server.fleet.clock_fault import AHEAD_MAX, ClockJudge, Told
 from server.fleet.fleet import Fleet
 from server.fleet.plausibility import (
     fault_of_actuators,
@@ -49,6 +49,17 @@ from server.link.event import (
 )
 
 log = logging.getLogger(__name__)
+
+Judged = TypeVar("Judged", bound=RobotReport, contravariant=True)
+
+
+class FaultOf(Protocol[Judged]):
+    """Says why a report cannot be true, ``None`` if it can."""
+
+    def __call__(self, report: Judged, /, *, now: datetime, speed: float) -> str | None:
+        """Judge a report by the station's clock."""
+        ...
+
 
 GATHER_S = 0.05
 """Telemetry is handed to the database in pieces of this length."""
@@ -168,66 +179,56 @@ class Ingest:
         judge = self._clock_of(report.robot)
         judge.hear(report, is_prompt=is_prompt)
         self._fleet.set_clock_fault(report.robot, judge.fault)
-        report = judge.dated(report)
-        site = self._fleet.status(report.robot).record.site
-        fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
-        if fault is not None:
-            self._refuse(report.robot, "state", fault)
-            return
-        self._told_faults.discard((report.robot, "state"))
-        self._append(report)
-        self._fleet.take_state(report)
+        told = self._believed(report, "state", partial(fault_of_state, site=self._site(report)))
+        if told is not None:
+            self._append(told)
+            self._fleet.take_state(told)
 
     def _take_target(self, report: TargetReport) -> None:
-        site = self._fleet.status(report.robot).record.site
-        report = self._clock_of(report.robot).dated(report)
-        fault = fault_of_target(report, site, self._clock.now(), self._clock.speed)
-        if fault is not None:
-            self._refuse(report.robot, "track", fault)
-            return
-        self._told_faults.discard((report.robot, "track"))
-        self._append(report)
-        self._fleet.take_target(report)
-        self._bus.publish(TargetReported(report))
+        told = self._believed(report, "track", partial(fault_of_target, site=self._site(report)))
+        if told is not None:
+            self._append(told)
+            self._fleet.take_target(told)
+            self._bus.publish(TargetReported(told))
 
     def _take_actuators(self, report: ActuatorReport) -> None:
-        report = self._clock_of(report.robot).dated(report)
-        fault = fault_of_actuators(report, self._clock.now(), self._clock.speed)
-        if fault is not None:
-            self._refuse(report.robot, "actuators", fault)
-            return
-        self._told_faults.discard((report.robot, "actuators"))
-        self._append(report)
-        self._fleet.take_actuators(report)
+        told = self._believed(report, "actuators", fault_of_actuators)
+        if told is not None:
+            self._append(told)
+            self._fleet.take_actuators(told)
 
     def _take_current(self, report: CurrentReport) -> None:
-        report = self._clock_of(report.robot).dated(report)
-        fault = fault_of_current(report, self._clock.now(), self._clock.speed)
-        if fault is not None:
-            self._refuse(report.robot, "current", fault)
+        told = self._believed(report, "current", fault_of_current)
+        if told is None:
             return
-        self._told_faults.discard((report.robot, "current"))
-        before = self._fleet.status(report.robot).current_report
-        self._append(report)
-        self._fleet.take_current(report)
-        if before is not None and report.fixes_refused > before.fixes_refused:
-            text = (
-                f"{report.robot} did not believe a fix: it lay farther off than it could believe."
-            )
-            self._say(report.robot, "fix.refused", text)
+        before = self._fleet.status(told.robot).current_report
+        self._append(told)
+        self._fleet.take_current(told)
+        if before is not None and told.fixes_refused > before.fixes_refused:
+            text = f"{told.robot} did not believe a fix: it lay farther off than it could believe."
+            self._say(told.robot, "fix.refused", text)
 
     def _take_sample(self, sample: Sample) -> None:
-        sample = self._clock_of(sample.robot).dated(sample)
-        site = self._fleet.status(sample.robot).record.site
-        fault = fault_of_sample(sample, site, self._clock.now(), self._clock.speed)
-        if fault is not None:
-            self._refuse(sample.robot, "sample", fault)
+        told = self._believed(sample, "sample", partial(fault_of_sample, site=self._site(sample)))
+        if told is None:
             # Its bytes are in the journal; without an answer the robot would send it for ever.
             self._refused.append(sample)
             return
-        self._told_faults.discard((sample.robot, "sample"))
-        self._append(sample)
-        self._samples.append(sample)
+        self._append(told)
+        self._samples.append(told)
+
+    def _site(self, report: RobotReport) -> Site:
+        return self._fleet.status(report.robot).record.site
+
+    def _believed(self, report: Told, what: str, fault_of: "FaultOf[Told]") -> Told | None:
+        """Return a report dated by the station's clock, ``None`` for one that cannot be true."""
+        report = self._clock_of(report.robot).dated(report)
+        fault = fault_of(report, now=self._clock.now(), speed=self._clock.speed)
+        if fault is not None:
+            self._refuse(report.robot, what, fault)
+            return None
+        self._told_faults.discard((report.robot, what))
+        return report
 
     def _committed(
         self,

@@ -15,7 +15,6 @@ from robot_link.messages import (
     CommandLevel,
     CommandNumber,
     CommandReport,
-    LinkEvent,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -23,6 +22,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import LinkEvent
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.station.error import OutOfContactError

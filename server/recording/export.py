@@ -19,7 +19,7 @@ from db.query.deployments import DeploymentRecord
 from db.query.robots import RobotRecord
 from db.query.samples import SampleRecord, iterate_samples, sampled_variables
 from db.query.telemetry import track
-from robot_link.messages import ActuatorReport
+from robot_link.report import ActuatorReport
 from server.recording.table import COMMENT, POSITION_COLUMNS
 
 TRACK_POINTS_MAX = 50_000

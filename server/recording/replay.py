@@ -23,8 +23,6 @@ from db.target_tables import TargetReportRow
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
-    ActuatorReport,
-    CurrentReport,
     OnboardPlanState,
     PlanHash,
     PlanReport,
@@ -32,6 +30,12 @@ from robot_link.messages import (
     Sample,
     StateReport,
     SystemId,
+)
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    RobotReport,
+    SatelliteReport,
     TargetReport,
 )
 from robot_link.satellite.frame import WireError
@@ -45,7 +49,7 @@ from server.fleet.plausibility import (
     fault_of_state,
     fault_of_target,
 )
-from server.satellite.content import Telling, values_of
+from server.satellite.content import values_of
 
 TABLES: tuple[type[Base], ...] = (
     StateRow,
@@ -56,8 +60,6 @@ TABLES: tuple[type[Base], ...] = (
     ActuatorReportRow,
 )
 """What is built from the journal."""
-Told = Telling | ActuatorReport
-"""What robots say that is kept; of actuators they say nothing by satellite."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
 """What a robot says of an offer concerns its upload alone."""
@@ -101,7 +103,7 @@ class Replay:
         self.packets = 0
         """Packets that were read."""
 
-    def values(self, frames: Iterable[RawFrame]) -> Generator[Told]:
+    def values(self, frames: Iterable[RawFrame]) -> Generator[RobotReport]:
         """Yield what robots said in incoming packets."""
         for frame in frames:
             self.packets += 1
@@ -115,7 +117,9 @@ class Replay:
                 if self._is_believable(timed, robot, frame):
                     yield timed
 
-    def _by_radio(self, frame: RawFrame, robot: RobotRecord, system: SystemId) -> Generator[Told]:
+    def _by_radio(
+        self, frame: RawFrame, robot: RobotRecord, system: SystemId
+    ) -> Generator[RobotReport]:
         for message in self._codec.unpack(frame.data).messages:
             if message.get_srcSystem() != system:
                 continue
@@ -128,7 +132,7 @@ class Replay:
 
     def _by_satellite(
         self, frame: RawFrame, robot: RobotRecord, system: SystemId
-    ) -> Sequence[Telling]:
+    ) -> Sequence[SatelliteReport]:
         if not frame.data:
             return ()
         try:
@@ -145,13 +149,13 @@ class Replay:
             lambda digits: self._find_plan(robot.id, digits),
         )
 
-    def _timed(self, value: Told, *, is_prompt: bool) -> Told:
+    def _timed(self, value: RobotReport, *, is_prompt: bool) -> RobotReport:
         judge = self._clocks.setdefault(value.robot, ClockJudge(self._speed))
         if isinstance(value, StateReport):
             judge.hear(value, is_prompt=is_prompt)
         return judge.dated(value)
 
-    def _is_believable(self, value: Told, robot: RobotRecord, frame: RawFrame) -> bool:
+    def _is_believable(self, value: RobotReport, robot: RobotRecord, frame: RawFrame) -> bool:
         match value:
             case StateReport():
                 return fault_of_state(value, robot.site, frame.at, self._speed) is None
@@ -167,10 +171,10 @@ class Replay:
                 return True
 
 
-def _is_kept(value: Value) -> TypeGuard[Told]:
+def _is_kept(value: Value) -> TypeGuard[RobotReport]:
     if isinstance(value, PlanReport):
         return value.state not in _NOT_KEPT
-    return isinstance(value, StateReport | Sample | TargetReport | CurrentReport | ActuatorReport)
+    return isinstance(value, RobotReport)
 
 
 def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:

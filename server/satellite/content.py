@@ -4,24 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from robot_link.messages import (
-    CurrentReport,
-    OnboardPlanState,
-    PlanHash,
-    PlanReport,
-    RobotId,
-    Sample,
-    StateReport,
-    SystemId,
-    TargetReport,
-)
+from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId, SystemId
+from robot_link.report import SatelliteReport
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.gateway import MobileOriginated
 
-Telling = StateReport | Sample | PlanReport | TargetReport | CurrentReport
 _OUTCOMES = {
     CommandOutcome.DONE: "obeyed",
     CommandOutcome.NOT_NOW: "not obeyed now",
@@ -63,7 +53,7 @@ def values_of(
     session_at: datetime,
     arrived_at: datetime,
     find_plan: FindPlan,
-) -> Sequence[Telling]:
+) -> Sequence[SatelliteReport]:
     """Return what a record tells, as radio would have told it.
 
     Args:
@@ -73,7 +63,7 @@ def values_of(
         arrived_at: When the station had it.
         find_plan: Finds plans by the digits that a record has room for.
     """
-    told: list[Telling] = []
+    told: list[SatelliteReport] = []
     if content.state is not None:
         told.append(content.state)
     if content.plan is not None:

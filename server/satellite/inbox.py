@@ -20,9 +20,10 @@ from db.query.satellite_messages import message_of_mtmsn
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import PlanHash, RawFrame
+from robot_link.report import SatelliteReport
 from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.words import carrier_title
-from server.satellite.content import FindPlan, Reading, Telling, read, values_of
+from server.satellite.content import FindPlan, Reading, read, values_of
 from server.satellite.hearing import LATEST_DELIVERY
 from server.satellite.message_row import fetched
 from server.satellite.modem import Modem
@@ -37,7 +38,7 @@ class Arrival:
     reading: Reading
     changed: tuple[OutboxRecord, ...]
     """Rows of the outbox about which it proved something."""
-    values: Sequence[Telling]
+    values: Sequence[SatelliteReport]
 
 
 class Inbox:
@@ -55,7 +56,7 @@ class Inbox:
         store: Store,
         clock: Clock,
         kinds: RowKinds,
-        tell: Callable[[Sequence[Telling]], Awaitable[None]],
+        tell: Callable[[Sequence[SatelliteReport]], Awaitable[None]],
     ) -> None:
         self._store = store
         self._clock = clock
@@ -76,7 +77,7 @@ class Inbox:
         reading = _read(message, modem, key)
         return await self._store.write(lambda s: _keep(s, self._kinds, message, modem, reading))
 
-    async def settle(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
+    async def settle(self, message: MobileOriginated, values: Sequence[SatelliteReport]) -> None:
         """Pass on what a message tells, then write down that it is done with."""
         await self._tell(values)
         at = self._clock.now()
@@ -94,7 +95,7 @@ class Inbox:
 
     async def values_again(
         self, record: InboxRecord, modem: Modem, key: bytes
-    ) -> Sequence[Telling]:
+    ) -> Sequence[SatelliteReport]:
         """Return what a stored message tells."""
         reading = _read(record.message, modem, key)
         return await self._store.query(
@@ -179,7 +180,7 @@ def _prove(
 
 def _values(
     session: Session, message: MobileOriginated, modem: Modem, reading: Reading
-) -> Sequence[Telling]:
+) -> Sequence[SatelliteReport]:
     if reading.content is None:
         return ()
     find: FindPlan = lambda digits: _plan(session, modem, digits)  # noqa: E731 - names its type

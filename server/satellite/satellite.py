@@ -9,6 +9,7 @@ from datetime import datetime
 
 from db.query.outbox import OutboxRecord
 from robot_link.messages import PlanReport
+from robot_link.report import SatelliteReport
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
@@ -22,7 +23,6 @@ from server.fleet.routing import LinkChoice, MessageKind, RequestedLink, choose_
 from server.fleet.words import sentence
 from server.satellite.account import DEFAULT_SETTINGS, Account, Settings, account_of
 from server.satellite.contact import is_out_of_contact, out_of_contact_text
-from server.satellite.content import Telling
 from server.satellite.emergency import EmergencyMessages
 from server.satellite.ending import RowsChanged
 from server.satellite.hearing import Hearing
@@ -38,7 +38,7 @@ _REST_S = 0.25
 """Wall time between two looks at the links of robots that report all the time."""
 _KINDS = ("satellite", "link")
 """Settings that are kept in memory."""
-Tell = Callable[[Sequence[Telling]], Awaitable[None]]
+Tell = Callable[[Sequence[SatelliteReport]], Awaitable[None]]
 """Takes what messages tell, as radio's; returns once it is stored."""
 
 
@@ -279,9 +279,9 @@ class Satellite:
         self._changes[robot] += 1
         self._looks.wake(robot)
 
-    def _pass_on(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
+    def _pass_on(self, message: MobileOriginated, values: Sequence[SatelliteReport]) -> None:
         """Pass on what a message tells, but not a word on the plan that came after a newer one."""
-        kept: list[Telling] = [one for one in values if not isinstance(one, PlanReport)]
+        kept: list[SatelliteReport] = [one for one in values if not isinstance(one, PlanReport)]
         for report in values:
             if isinstance(report, PlanReport) and self._is_newest(report, message.session_at):
                 self._plan_said[report.robot] = (report.received_at, message.session_at)

@@ -8,7 +8,8 @@ from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
 from db.query.plans import ENDED_STATES
 from db.record import same
-from robot_link.messages import RobotId, TargetReport
+from robot_link.messages import RobotId
+from robot_link.report import TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps

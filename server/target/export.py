@@ -8,7 +8,7 @@ from db.column import microseconds
 from db.query.robots import RobotRecord
 from db.query.target_reports import iterate_target_reports
 from db.query.target_span import TargetSpan
-from robot_link.messages import TargetEstimate, TargetReport
+from robot_link.report import TargetEstimate, TargetReport
 from server.fleet.target_words import with_reasons
 
 _ESTIMATES = 2

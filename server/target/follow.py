@@ -10,7 +10,7 @@ from autonomy.tracking.phase import TargetPhase
 from db.query.events import add_event
 from db.query.target_reports import has_ended_within, lost_since, newest_event_of
 from db.store import Store
-from robot_link.messages import TargetReport
+from robot_link.report import TargetReport
 from server.base.retry_queue import RetryQueue
 
 LOST: Final = "track.lost"

@@ -4,7 +4,8 @@ from dataclasses import replace
 from datetime import timedelta
 
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import RobotId, TargetEstimate, TargetReport
+from robot_link.messages import RobotId
+from robot_link.report import TargetEstimate, TargetReport
 from tests.db.conftest import START
 
 

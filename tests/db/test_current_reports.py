@@ -4,7 +4,8 @@ from dataclasses import replace
 from datetime import timedelta
 
 from db.query.current_reports import current_reports, newest_current_report
-from robot_link.messages import CurrentReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import CurrentReport
 from tests.db.conftest import START
 
 FIRST = CurrentReport(RobotId("mini-1"), START, START, (0.01, -0.02), 0.003, 1.5, 4, 1)

@@ -19,16 +19,15 @@ from onboard.satellite.talk import SatelliteTalk, TalkSettings
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
-    CurrentReport,
     LogId,
     OnboardPlanState,
     RobotId,
     RobotMode,
     StateReport,
     SystemId,
-    TargetReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import CurrentReport, TargetReport
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import Measurement, MemorySampleLog
 from robot_link.satellite.blob import Blob

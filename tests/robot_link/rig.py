@@ -17,7 +17,6 @@ from robot_link.clock import Clock, SystemClock
 from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
     CommandKind,
-    LinkEvent,
     LogId,
     RobotId,
     RobotMode,
@@ -26,6 +25,7 @@ from robot_link.messages import (
     SystemId,
 )
 from robot_link.mission import Mission, MissionSettings
+from robot_link.report import LinkEvent
 from robot_link.sample_log import MemorySampleLog, SampleLog
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming

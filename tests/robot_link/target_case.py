@@ -14,8 +14,9 @@ from autonomy.tracking.config import (
     TrackingConfig,
 )
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import RobotId, TargetEstimate, TargetReport
+from robot_link.messages import RobotId
 from robot_link.mission import Mission, MissionSettings
+from robot_link.report import TargetEstimate, TargetReport
 from robot_link.target_settings import TargetSettings
 
 NOW = datetime(2026, 6, 1, 12, 0, tzinfo=UTC)

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from robot_link.mavlink.actuator import actuator_fault, actuator_message
+from robot_link.actuator_check import actuator_fault
+from robot_link.mavlink.actuator import actuator_message
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.decode import decoded
-from robot_link.messages import ActuatorFollowing, ActuatorReport, SystemId
+from robot_link.messages import SystemId
+from robot_link.report import ActuatorFollowing, ActuatorReport
 from tests.robot_link.rig import MINI
 from tests.robot_link.target_case import NOW
 

@@ -11,7 +11,8 @@ from robot_link.current_check import current_fault
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.current import can_travel, current_message
 from robot_link.mavlink.decode import decoded
-from robot_link.messages import CurrentReport, SystemId
+from robot_link.messages import SystemId
+from robot_link.report import CurrentReport
 from robot_link.satellite.record import (
     MobileOriginatedContent,
     compose,

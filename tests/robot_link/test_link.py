@@ -18,7 +18,6 @@ from robot_link.mavlink.telemetry import (
     state_message,
 )
 from robot_link.messages import (
-    LinkEvent,
     LinkReport,
     LinkState,
     LogId,
@@ -29,6 +28,7 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
+from robot_link.report import LinkEvent
 from robot_link.sample_log import Measurement
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming

@@ -19,7 +19,8 @@ from robot_link.mavlink.codec import (
     Codec,
 )
 from robot_link.mavlink.wire import grace
-from robot_link.messages import LinkEvent, LogId, SystemId
+from robot_link.messages import LogId, SystemId
+from robot_link.report import LinkEvent
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType

@@ -24,9 +24,8 @@ from robot_link.messages import (
     LinkState,
     OnboardPlanState,
     SystemId,
-    TargetEstimate,
-    TargetReport,
 )
+from robot_link.report import TargetEstimate, TargetReport
 from robot_link.satellite.frame import WireError, sealed_down, sealed_up
 from robot_link.satellite.order import pack_order, read_order
 from robot_link.satellite.record import (

@@ -18,8 +18,6 @@ from robot_link.messages import (
     CommandLevel,
     CommandNumber,
     CommandReport,
-    CurrentReport,
-    LinkEvent,
     LinkReport,
     LinkState,
     LogId,
@@ -34,6 +32,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import CurrentReport, LinkEvent
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.station.error import ServiceRefusedError

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import httpx
 
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import TargetReport
+from robot_link.report import TargetReport
 from tests.db.target import target_report
 from tests.server.conftest import until
 

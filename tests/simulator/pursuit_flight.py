@@ -3,8 +3,9 @@
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.tracking.phase import TargetPhase
 from onboard.link.robot_link import CommandOutcome
-from robot_link.messages import OnboardPlanState, TargetReport
+from robot_link.messages import OnboardPlanState
 from robot_link.mission import Mission, MissionSettings
+from robot_link.report import TargetReport
 from robot_link.target_settings import TargetSettings
 from simulator.fleet import RobotDefinition
 from tests.simulator.flight import Life, horizontal

@@ -7,14 +7,9 @@ from statistics import median
 
 from autonomy.tracking.config import TRACKING_PRESETS
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import (
-    CommandKind,
-    CommandNumber,
-    OnboardPlanState,
-    StateReport,
-    TargetReport,
-)
+from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState, StateReport
 from robot_link.mission import Mission, MissionSettings
+from robot_link.report import TargetReport
 from robot_link.station.link import StationLink
 from robot_link.target_settings import TargetSettings
 from simulator.fleet import MINI_1

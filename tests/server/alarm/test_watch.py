@@ -7,7 +7,6 @@ from autonomy.site import TANK
 from db.query.robots import RobotRecord
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
-    CurrentReport,
     LinkReport,
     LinkState,
     OnboardPlanState,
@@ -15,6 +14,7 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
 )
+from robot_link.report import CurrentReport
 from server.alarm.rules import RULES, Watch
 from server.fleet.clock_fault import ClockFault
 from server.fleet.status import RobotStatus, SatelliteStatus

@@ -15,7 +15,8 @@ from autonomy.current.model import CurrentMap, Taking
 from autonomy.estimation.config import estimator_preset
 from db.fault import StoreError
 from db.query.events import newest_events
-from robot_link.messages import CurrentReport, RobotId, RobotMode, StateReport
+from robot_link.messages import RobotId, RobotMode, StateReport
+from robot_link.report import CurrentReport
 from server.current import currents as module
 from server.current.currents import Currents
 from server.current.observing import Stay, dives_seen

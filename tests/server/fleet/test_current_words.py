@@ -3,7 +3,8 @@
 from dataclasses import replace
 from datetime import UTC, datetime
 
-from robot_link.messages import CurrentReport, RobotId
+from robot_link.messages import RobotId
+from robot_link.report import CurrentReport
 from server.fleet.current_words import current_text, current_view
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)

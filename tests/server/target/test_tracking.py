@@ -7,7 +7,8 @@ import pytest
 
 from autonomy.tracking.phase import TargetPhase
 from db.query.target_reports import newest_target_report
-from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TargetEstimate
+from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
+from robot_link.report import TargetEstimate
 from server.base.live_feed import LiveFeed
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report

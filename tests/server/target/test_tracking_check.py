@@ -10,13 +10,8 @@ from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.tracking.phase import TargetPhase
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
-from robot_link.messages import (
-    OnboardPlanState,
-    PlanReport,
-    RobotId,
-    RobotMode,
-    TargetEstimate,
-)
+from robot_link.messages import OnboardPlanState, PlanReport, RobotId, RobotMode
+from robot_link.report import TargetEstimate
 from robot_link.satellite.content import MobileOriginatedContent
 from server.alarm.rules import RULES, Watch
 from server.fleet.status import PlanInHand, RobotStatus

@@ -4,7 +4,8 @@ import pytest
 
 from autonomy.tracking.phase import TargetPhase
 from db.query.events import events_after
-from robot_link.messages import OnboardPlanState, TargetEstimate
+from robot_link.messages import OnboardPlanState
+from robot_link.report import TargetEstimate
 from tests.server.conftest import MINI, open_station, until
 from tests.server.target_reports import events_of, kept, now_report
 

@@ -1,0 +1,145 @@
+"""What robots report beside state, samples and plan; and what is a report, an event of a link.
+
+Frozen values in SI, radians and NED, as in ``robot_link.messages``.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from autonomy.tracking.phase import SpeedClass, TargetPhase
+from robot_link.messages import (
+    CommandReport,
+    LinkReport,
+    PlanReport,
+    RawFrame,
+    RobotId,
+    Sample,
+    StateReport,
+    UploadReport,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TargetEstimate:
+    """Where the robot believes its target to be, by one hypothesis."""
+
+    position_ne_m: tuple[float, float]
+    """North and east in the site frame."""
+    velocity_ne_m_s: tuple[float, float]
+    covariance_m2: tuple[float, float, float]
+    """Of the position: north-north, north-east, east-east."""
+    weight: float
+    """Probability of this hypothesis, 0..1; those of all hypotheses add up to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetReport:
+    """What a robot that follows a target says of its hold on it, and of what it does for it."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    phase: TargetPhase
+    position_ne_m: tuple[float, float]
+    """Where the robot believed to be itself."""
+    hypotheses: tuple[TargetEstimate, ...]
+    """One or two, the likeliest first; none before the first range. Of two, the likeliest alone
+    arrives by satellite where a record has no room for both."""
+    range_m: float | None
+    """Newest horizontal range that was heard, believed or not; None before the first."""
+    range_age_s: float
+    """How old that range is; of no meaning without one."""
+    ranges_heard: int
+    """Since the mission began."""
+    ranges_rejected: int
+    """Of them, those that were not believed."""
+    determinant_m2_s: float
+    """Determinant of the observability matrix at the estimate (thesis 4.3)."""
+    barrier: float
+    """B by the form that the mission chose; below 0 the target is not observable enough."""
+    inverse_condition: float
+    """Inverse condition number of the observability matrix at the estimate, 0..1."""
+    nominal: tuple[float, float]
+    """What the pursuit law wanted: turn rate rad/s, acceleration m/s2; within the limits."""
+    command: tuple[float, float]
+    """What the robot asks of its tail: turn rate rad/s, acceleration m/s2."""
+    is_barrier_on: bool
+    """False in the teaching mode, in which nothing keeps the target observable."""
+    is_feasible: bool
+    """Whether the barrier could be kept at this step."""
+    is_quiet: bool
+    """Whether the robot was told not to ping."""
+    true_ne_m: tuple[float, float] | None
+    """Where a virtual target is, which its robot computes; None for a real one."""
+    is_too_fast: bool = False
+    """Whether the target seems too fast to follow."""
+    speed_class: SpeedClass | None = None
+    """How the target seems to swim; None where the robot does not estimate it."""
+    delay_s: float | None = None
+    """By how much ranges seem older than they are told, s; None as above."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentReport:
+    """What a robot believes of the water's current, and how far its own positions may be believed.
+
+    It stays good for the dive that follows: the robot reckons its position with this current.
+    """
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    current_ne_m_s: tuple[float, float]
+    """The current that stays, north and east; zero of a robot that learns none."""
+    current_std_m_s: float
+    """Its standard deviation per axis, the larger one, ``doubt`` counted."""
+    doubt: float
+    """How many times larger than its filter's own the standard deviations are that the robot
+    states, 1 or more, because its last fixes surprised it."""
+    dives: int
+    """How many dives that was judged by, 0 to 255."""
+    fixes_refused: int
+    """Fixes that were not believed since the robot was switched on."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorFollowing:
+    """How an actuator follows its commands, as the robot learned it."""
+
+    rate_share: float
+    """Greatest speed as a share of the nominal one; 1 while nothing refutes it."""
+    rate_std_octaves: float
+    """Standard deviation of its logarithm to base 2."""
+    delay_s: float
+    """Time between a command and the beginning of the answer; 0 while nothing refutes it."""
+    delay_std_s: float
+    learned_age_s: float | None
+    """How long before the report a command last said something of it; None for never."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorReport:
+    """How a robot's actuators follow their commands, and what it makes of that."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    mass: ActuatorFollowing
+    """The sliding mass."""
+    pump: ActuatorFollowing
+    """The buoyancy pump."""
+    speed_share: float
+    """Vertical speed of legs as a share of the planned one."""
+    is_mass_off: bool
+    """Whether the sliding mass is so slow or late that the robot flies differently."""
+    is_swinging: bool
+    """Whether pitch and sliding mass chased each other of late."""
+    stuck: tuple[str, ...]
+    """Actuators that do not move though they were told to: sliding mass, pump, tail."""
+
+
+SatelliteReport = StateReport | Sample | PlanReport | TargetReport | CurrentReport
+"""What a robot tells of itself by satellite too; of its actuators it says nothing there."""
+RobotReport = SatelliteReport | ActuatorReport
+"""What a robot tells of itself, each with the time by its own clock."""
+LinkEvent = RobotReport | CommandReport | UploadReport | LinkReport | RawFrame
