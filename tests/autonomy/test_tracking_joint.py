@@ -123,6 +123,24 @@ def test_ranges_that_contradict_everything_begin_a_ring_anew(wrong_m):
     assert (joint.restarts_at_s > 0.0) is (wrong_m > 0.0)
 
 
+def test_a_quarter_of_another_animals_ranges_contradicts_nothing():
+    rng = np.random.default_rng(2)
+    way = courses(EAST, NORTH)
+    joint = JointFilter(LAKE, START, np.random.default_rng(1))
+    other = (TARGET[0] + 60.0, TARGET[1] - 40.0)
+    contradicted = 0
+    for n, (pose, range_m) in enumerate(zip(way, heard_along(way), strict=True)):
+        rate = (SPEED_M_S * math.cos(pose[2]), SPEED_M_S * math.sin(pose[2]))
+        joint.step(float(n), pose[:2], SPEED_M_S, rate)
+        is_other = n > 5 and rng.random() < 0.25
+        joint.note((RangeHeard(math.dist(pose[:2], other) if is_other else range_m),))
+        contradicted += joint.is_contradicted
+    assert joint.restarts_at_s < 0.0
+    assert contradicted < 0.05 * len(way)
+    assert joint.belief().is_sure
+    assert math.dist(joint.belief().place_ne_m, TARGET) < 5.0
+
+
 def test_one_outlier_moves_it_no_farther_than_a_range_that_agrees():
     way = courses(EAST, NORTH)
     places = []

@@ -48,7 +48,10 @@ PERSISTENCE = 1.5
 robot's own position lasts over many ranges."""
 GUESS_SHARE = 1.5
 """The first guess may be so much worse than it is told."""
-OUTLIER_STDS = 4.0
+OUTLIER_STDS = 3.0
+UNEXPLAINED = -0.5 * OUTLIER_STDS * OUTLIER_STDS
+"""Log likelihood of a range that no particle expected. It is that of a mixture in which every
+hundredth to third range is another animal's, anywhere within the reach of its tag."""
 GRID_S = 0.1
 NEAR_STDS = 4.0
 """What lies within so many standard deviations of a range is one place."""
@@ -65,8 +68,11 @@ ranges seemed to refute."""
 STRANGERS = 0.01
 """Share of the particles that begin anew at the newest distance, in any direction: where the truth
 is that all others have missed, they grow."""
-DOUBT_SHARE, DOUBT = 0.1, -3.5
-"""As for ``cloud``: ranges whose mean log likelihood is below ``DOUBT`` contradict everything."""
+DOUBT_SHARE = 0.15
+"""Weight of the newest range in their mean log likelihood."""
+CONTRADICTED, REFUTED, ELSEWHERE = 0.5 * UNEXPLAINED, 0.65 * UNEXPLAINED, 0.875 * UNEXPLAINED
+"""Mean log likelihood below which ranges contradict what is believed, which every second one must;
+below which nothing of it is left; and the same of the very first ranges."""
 TOO_FAST = 0.6
 """A target is too fast to follow if it has been faster than the robot's cap with this probability
 over the time of a full circle."""
@@ -183,7 +189,7 @@ class JointFilter:
     @property
     def is_contradicted(self) -> bool:
         """Whether the newest ranges contradict what was believed before them."""
-        return self._agreement < 0.5 * DOUBT
+        return self._agreement < CONTRADICTED
 
     def belief(self) -> Belief:
         """Return what is believed now."""
@@ -255,9 +261,9 @@ class JointFilter:
             OUTLIER_STDS,
         )
         self._agreement += (1.0 - (1.0 - DOUBT_SHARE) ** len(held)) * (likelihood - self._agreement)
-        is_elsewhere = not self.has_heard and likelihood < 2.0 * DOUBT
+        is_elsewhere = not self.has_heard and likelihood < ELSEWHERE
         self.has_heard = True
-        if is_elsewhere or self._agreement < DOUBT:
+        if is_elsewhere or self._agreement < REFUTED:
             self._ring(self._particles, float(held[-1, 1]))
             self.restarts_at_s = self._now_s
             self._weights[:] = 1.0 / PARTICLES
