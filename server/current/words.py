@@ -118,7 +118,7 @@ def _misses(dives: Sequence[Observation], current_ne_m_s: tuple[float, float]) -
 def _map_worth(found: WaterCurrent, now_s: float) -> str:
     """Say what the map is made of, how old that is, and how far its predictions were off."""
     if not found.config.enabled or not found.dives:
-        return f"{dives_text(found)} Until then the typed current holds."
+        return f"{dives_text(found)} The typed current holds."
     age_s = max(0.0, now_s - found.known.newest_s)
     many = f"{len(found.dives)} dive{'s' if len(found.dives) > 1 else ''}"
     text = f"{many}, the newest {_age(age_s)} ago."

@@ -415,7 +415,7 @@ def test_each_choice_of_a_current_says_what_it_is_worth():
     empty = WaterCurrent(water, (GRACE,), CurrentMapConfig(), CurrentMap(CurrentMapConfig()))
     nothing = worth_of(empty, (0.02, 0.0), 0.0)
     assert nothing.none == nothing.typed == "No dive has told yet how the water moves."
-    assert nothing.map == "No dive has told of the current yet. Until then the typed current holds."
+    assert nothing.map == "No dive has told of the current yet. The typed current holds."
     dives = [observation(900.0 * i, (30.0, -40.0), robot=GRACE) for i in range(5)]
     few, _ = empty.with_observations(dives[:2])
     said = worth_of(few, (0.1, 0.0), 3000.0)
