@@ -57,21 +57,11 @@ def run(
         ValueError: If there is no simulated robot of this vehicle.
         DryRunCancelledError: It was stopped.
     """
-    flights: list[_Flight] = []
+    flights: list[Flight] = []
     for number in range(problem.runs):
-        flights.append(_fly(problem, number, is_cancelled))
+        flights.append(fly(problem, number, is_cancelled))
         report((number + 1) / problem.runs)
     return _compared(problem, flights)
-
-
-def fly_once(problem: DryRunProblem) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Fly a mission once, and return where that led.
-
-    Returns:
-        True north and east, shape ``(n, 2)``, m; the leg; and the share of it that has passed.
-    """
-    rows = np.array(_fly(problem, 0, lambda: False).rows)
-    return rows[:, 2:4], *_shares(rows)
 
 
 @dataclass
@@ -104,7 +94,7 @@ class _Notebook:
 
 
 @dataclass
-class _Flight:
+class Flight:
     """One run: rows of time, leg, true NED, believed NED, stated std."""
 
     rows: list[tuple[float, ...]] = field(default_factory=list)
@@ -162,8 +152,19 @@ def _robot(problem: DryRunProblem, number: int) -> SimulatedRobot:
     return robot
 
 
-def _fly(problem: DryRunProblem, number: int, is_cancelled: Callable[[], bool]) -> _Flight:
-    robot, radio, flight = _robot(problem, number), _Notebook(), _Flight()
+def fly(problem: DryRunProblem, number: int, is_cancelled: Callable[[], bool]) -> Flight:
+    """Fly a mission once.
+
+    Args:
+        problem: The mission and its water.
+        number: Which of the flights this is; each meets other eddies.
+        is_cancelled: Asked now and then whether to stop.
+
+    Raises:
+        ValueError: If there is no simulated robot of this vehicle.
+        DryRunCancelledError: It was stopped.
+    """
+    robot, radio, flight = _robot(problem, number), _Notebook(), Flight()
     program, executive = robot.program, robot.program.executive
     while program.time_s < _SETTLING_S:
         robot.step(radio)
@@ -185,7 +186,7 @@ def _fly(problem: DryRunProblem, number: int, is_cancelled: Callable[[], bool]) 
     return flight
 
 
-def _note(flight: _Flight, robot: SimulatedRobot, time_s: float, steps: int) -> None:
+def _note(flight: Flight, robot: SimulatedRobot, time_s: float, steps: int) -> None:
     """Write down where the robot is on a leg, and where it came up after it."""
     truth, program = robot.body.plant.position_ned, robot.program
     if steps % _ROW_EVERY == 0:
@@ -222,7 +223,7 @@ class _Plan:
         return np.column_stack([np.interp(time_s, points[:, 0], points[:, k]) for k in range(1, 5)])
 
 
-def _with_expectation(found: DryRun, plan: _Plan, flights: list[_Flight]) -> DryRun:
+def _with_expectation(found: DryRun, plan: _Plan, flights: list[Flight]) -> DryRun:
     """Add where the flights were in the mean, if enough of them flew the whole plan.
 
     The scatter is that of one more flight: those that made the mean lie nearer to it.
@@ -243,7 +244,7 @@ def _with_expectation(found: DryRun, plan: _Plan, flights: list[_Flight]) -> Dry
     return replace(found, expected=points, expected_times_s=times_s, spread_m=spread_m)
 
 
-def _by_share(flight: _Flight, legs: int) -> FloatArray:
+def _by_share(flight: Flight, legs: int) -> FloatArray:
     """Return a flight at shares of its legs, shape ``(legs, shares, 5)``.
 
     Its columns: time since the start s, true north, east and down m, stated std m. A leg that was
@@ -251,7 +252,7 @@ def _by_share(flight: _Flight, legs: int) -> FloatArray:
     """
     found = np.empty((legs, len(_SHARES), 5))
     rows = np.array(flight.rows)
-    leg, share = _shares(rows)
+    leg, share = leg_shares(rows)
     columns = rows[:, (0, 2, 3, 4, 8)]
     for number in range(legs):
         mine = leg == number
@@ -263,7 +264,7 @@ def _by_share(flight: _Flight, legs: int) -> FloatArray:
     return found
 
 
-def _shares(rows: FloatArray) -> tuple[IntArray, FloatArray]:
+def leg_shares(rows: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the leg of each row of a flight and the share of it that has passed."""
     time_s, leg = rows[:, 0], rows[:, 1].astype(np.int64)
     share = np.empty(len(rows))
@@ -274,9 +275,9 @@ def _shares(rows: FloatArray) -> tuple[IntArray, FloatArray]:
     return leg, share
 
 
-def _track(plan: _Plan, flight: _Flight) -> DryRunTrack:
+def _track(plan: _Plan, flight: Flight) -> DryRunTrack:
     rows = np.array(flight.rows).reshape(-1, 9)
-    planned = plan.at(*_shares(rows))
+    planned = plan.at(*leg_shares(rows))
     return DryRunTrack(
         time_s=rows[:, 0],
         true_ned=rows[:, 2:5],
@@ -287,7 +288,7 @@ def _track(plan: _Plan, flight: _Flight) -> DryRunTrack:
     )
 
 
-def _surfacing_errors(plan: _Plan, flight: _Flight) -> list[float]:
+def _surfacing_errors(plan: _Plan, flight: Flight) -> list[float]:
     """Return how far from its planned place each dive came up, m."""
     errors: list[float] = []
     for leg, place in flight.surfaced.items():
@@ -298,7 +299,7 @@ def _surfacing_errors(plan: _Plan, flight: _Flight) -> list[float]:
     return errors
 
 
-def _compared(problem: DryRunProblem, flights: list[_Flight]) -> DryRun:
+def _compared(problem: DryRunProblem, flights: list[Flight]) -> DryRun:
     plan = _Plan(problem)
     tracks = [_track(plan, flight) for flight in flights]
     offsets = [track.true_ned[:, :2] - track.planned_ned[:, :2] for track in tracks]
@@ -347,7 +348,7 @@ def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> st
     )
 
 
-def _entered(keep_outs: tuple[Area, ...], flight: _Flight) -> frozenset[str]:
+def _entered(keep_outs: tuple[Area, ...], flight: Flight) -> frozenset[str]:
     """Return the names of the keep-outs that a flight led into."""
     north, east = np.array(flight.places, dtype=np.float64).reshape(-1, 2).T
     return frozenset(area.name for area in keep_outs if np.any(area.contains(north, east)))
