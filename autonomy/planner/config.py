@@ -141,11 +141,11 @@ class SearchConfig(Configuration):
     """How the graph of surfacings grows (thesis Algorithm 1), and what it may take."""
 
     step_m: float = quantity(1.4, "m", title="Longest distance between surfacings", gt=0.0)
-    """Two successive surfacings are at most this far apart (Delta of Algorithm 1)."""
+    """Two successive surfacings are at most this far apart."""
     near_radius_m: float = quantity(0.9, "m", title="Near radius", gt=0.0, advanced=True)
-    """A new surfacing is also reached from every other one within this radius (R_near)."""
+    """A new surfacing is also reached from every other one within this radius."""
     nearest_radius_m: float = quantity(1.0, "m", title="Preferred distance", ge=0.0, advanced=True)
-    """The graph grows from the surfacing whose distance is closest to this (R_d)."""
+    """The graph grows from the surfacing whose distance is closest to this."""
     transects: int = quantity(0, title="Transects to begin with", ge=0, le=64, advanced=True)
     """Lines of like dives, in so many directions evenly spread, that the search begins with and
     refines; each turns aside where the water ends. In water much wider than a dive they show how
@@ -280,7 +280,7 @@ class PlannerConfig(Configuration):
     objective: Literal["information_gain", "ergodic", "weighted"] = quantity(
         "information_gain", title="Objective"
     )
-    """information_gain removes as much uncertainty from the map as possible; ergodic spends time
+    """Information gain removes as much uncertainty from the map as possible; ergodic spends time
     where the map is high or uncertain; weighted adds both up."""
     information_weight: float = quantity(
         0.5, title="Weight of information", ge=0.0, le=1.0, advanced=True

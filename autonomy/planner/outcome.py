@@ -322,6 +322,8 @@ def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Can
         )
     elif result.status is PlanStatus.CANCELLED:
         text = f"Stopped early; the best trajectory so far {text}"
+    elif result.candidates == 0:
+        text = f"Nothing was searched anew: the trajectory at hand {text}"
     else:
         text = f"The best of {result.candidates:,} trajectories {text}"
     if result.reservoir_full:

@@ -11,7 +11,7 @@ from autonomy.arrays import FloatArray
 from autonomy.current.model import FEWEST, CurrentMap, Observation
 from server.current.record import Verdict
 from server.current.water_current import JUDGED, WaterCurrent
-from server.fleet.current_words import cm_s, flow_text
+from server.fleet.current_words import cm_s, flow_text, metres
 
 _WEAK_TIDE_M_S = 0.005
 _STEPS = 96
@@ -73,8 +73,8 @@ def worth_text(verdicts: Sequence[Verdict]) -> str:
     if by_map is None or by_last is None or count < _LEAST_VERDICTS:
         return ""
     return (
-        f"The last {_COUNTS[count]} surfacings were {_m(by_map)} from the prediction; by the last "
-        f"current they would have been {_m(by_last)}."
+        f"The last {_COUNTS[count]} surfacings were {metres(by_map)} from the prediction; by the "
+        f"last current they would have been {metres(by_last)}."
     )
 
 
@@ -96,8 +96,8 @@ def worth_of(found: WaterCurrent, typed_ne_m_s: tuple[float, float], now_s: floa
         return Worth(unknown, unknown, _map_worth(found, now_s))
     many = "the last dive" if len(last) == 1 else f"the last {_COUNTS[len(last)]} dives"
     rms_word = "" if len(last) == 1 else " (rms)"
-    by_none = f"It carried {many} {_m(none)}{rms_word} off."
-    by_typed = f"By it {many} would have come up {_m(typed)}{rms_word} off."
+    by_none = f"It carried {many} {metres(none)}{rms_word} off."
+    by_typed = f"By it {many} would have come up {metres(typed)}{rms_word} off."
     return Worth(by_none, by_typed, _map_worth(found, now_s))
 
 
@@ -126,11 +126,11 @@ def _map_worth(found: WaterCurrent, now_s: float) -> str:
         few = len(found.known.observations) < FEWEST
         why = f"it takes {FEWEST}" if few else "that is too long ago"
         return f"{text} For a plan {why}: until then the typed current holds."
-    text += f" One like the newest would come up within {_m(_reach_m(found, now_s))} (9 of 10)"
+    text += f" One like the newest would come up within {metres(_reach_m(found, now_s))} (9 of 10)"
     error_m = rms([one.error_m for one in found.verdicts])
     if error_m is None or len(found.verdicts) < _LEAST_VERDICTS:
         return f"{text}; too few were predicted to judge that."
-    return f"{text}; the last {_COUNTS[len(found.verdicts)]} were {_m(error_m)} (rms) off."
+    return f"{text}; the last {_COUNTS[len(found.verdicts)]} were {metres(error_m)} (rms) off."
 
 
 def _reach_m(found: WaterCurrent, now_s: float) -> float:
@@ -159,9 +159,3 @@ def left_out_text(left_out: dict[str, str]) -> str:
 def rms(values: Sequence[float]) -> float | None:
     """Return the root mean square, ``None`` of nothing."""
     return math.sqrt(sum(one * one for one in values) / len(values)) if values else None
-
-
-def _m(distance_m: float) -> str:
-    if distance_m >= 10.0:
-        return f"{distance_m:.0f} m"
-    return f"{distance_m:.2g} m" if distance_m >= 0.005 else "0 m"

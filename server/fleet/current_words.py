@@ -46,8 +46,9 @@ def doubt_text(report: CurrentReport) -> str:
     if report.doubt < DOUBT_TOLD:
         return ""
     return (
-        f"Its last fixes lay farther off than it states: {LIKELY_WHY}. Positions are doubted "
-        f"{report.doubt:.1f} times more."
+        f"Its last fixes lay farther off than it states: {LIKELY_WHY}. Position errors may "
+        f"be {report.doubt:.1f} times larger than stated. Let it surface more often, or plan with "
+        "the current from dives."
     )
 
 
@@ -66,7 +67,15 @@ def flow_text(north_m_s: float, east_m_s: float, std_m_s: float) -> str:
     if speed_m_s <= std_m_s:
         return ""
     to_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
-    return f"{cm_s(speed_m_s)} cm/s to {to_deg:.0f} deg, give or take {cm_s(std_m_s)}"
+    return f"{cm_s(speed_m_s)} cm/s to {round(to_deg) % 360:03d}°, give or take {cm_s(std_m_s)}"
+
+
+def metres(distance_m: float) -> str:
+    """Return a distance with two significant digits and its unit, never with an exponent."""
+    if distance_m >= 10.0:
+        step = 10.0 ** (math.floor(math.log10(distance_m)) - 1)
+        return f"{round(distance_m / step) * step:.0f} m"
+    return f"{distance_m:.2g} m" if distance_m >= 0.005 else "0 m"
 
 
 def cm_s(speed_m_s: float) -> str:

@@ -22,6 +22,7 @@ from autonomy.site import Box
 from db.column import moment
 from db.query.samples import SampleColumns
 from robot_link.messages import Sample
+from server.fleet.current_words import metres
 from server.map.field_model import MODEL_TITLES
 from server.map.samples import field_samples, first_dive, in_moving_water, usable
 from webui.scene.source import MapView, SampleView
@@ -150,7 +151,7 @@ class SiteMap:
         if moved is None:
             is_missed = self.config.carriage == "water" and not self._is_current_known
             return _NOT_CARRIED if is_missed and self.total else ""
-        told = f"the water moved about {moved.way_m:.2g} m (give or take {moved.std_m:.2g})"
+        told = f"the water moved about {metres(moved.way_m)} (give or take {metres(moved.std_m)})"
         if self.config.carriage == "water":
             return f"While this map was made {told}; its samples were carried along."
         if moved.way_m <= WARNED_SHARE * min(kernel.length_x_m, kernel.length_y_m):

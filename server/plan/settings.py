@@ -11,6 +11,7 @@ from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
+from server.fleet.current_words import metres
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.status import RobotStatus
@@ -103,7 +104,8 @@ class PlanSettings:
         if approach_energy(config, way.legs) > longest:
             away_m = math.dist(start_xy, way.end_xy)
             raise conflict(
-                f"{robot} is {away_m:.2f} m outside the domain; "
+                f"{robot} is outside the domain or too near its edge: the nearest place that can "
+                f"be planned from is {metres(away_m)} away; "
                 "bring it there, or choose a domain that it is in."
             )
         return start_xy

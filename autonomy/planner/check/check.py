@@ -78,7 +78,7 @@ def outdated(
         found.append(
             Violation(
                 "mission.draft_distance_m",
-                f"The robot is {away_m:.3g} m from where the plan begins; "
+                f"The robot is {_not_less(away_m)} m from where the plan begins; "
                 f"the limit is {limits.draft_distance_m:g} m.",
             )
         )
@@ -86,8 +86,8 @@ def outdated(
         found.append(
             Violation(
                 "mission.draft_distance_m",
-                f"The robot is {away_m:.3g} m from where the plan begins, and the way there is not "
-                "free.",
+                f"The robot is {_not_less(away_m)} m from where the plan begins, and the way "
+                "there is not free.",
             )
         )
     if age_s > limits.draft_age_s:
@@ -169,3 +169,9 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
                 f"the limit is {allowed:g} m.",
             )
         begin = number + 1
+
+
+def _not_less(distance_m: float) -> str:
+    """Return a distance rounded up, so that one beyond a limit is not written as the limit."""
+    step = 0.01 if distance_m < 1.0 else 0.1
+    return f"{math.ceil(distance_m / step - 1e-6) * step:.4g}"

@@ -246,5 +246,6 @@ def test_robot_whose_fixes_surprise_it_is_doubted_aloud(status):
     assert verdicts(status)["doubt"].level == "watch"
     assert verdicts(status)["doubt"].text == (
         "mini-1: Its last fixes lay farther off than it states: the water moves more than was "
-        "believed, or its compass is off. Positions are doubted 1.8 times more."
+        "believed, or its compass is off. Position errors may be 1.8 times larger than stated. "
+        "Let it surface more often, or plan with the current from dives."
     )

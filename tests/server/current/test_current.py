@@ -148,7 +148,7 @@ async def test_status_flow_and_files_say_what_the_dives_told(client, station, wo
     assert told["dives"] == 5
     assert told["is_usable"]
     assert re.match(
-        r"From 5 dives of grace-1\. At grace-1 now [567]\.\d cm/s to 3[23]\d deg, give or take \d",
+        r"From 5 dives of grace-1\. At grace-1 now [567]\.\d cm/s to 3[23]\d°, give or take \d",
         told["text"],
     )
     assert told["worth"].startswith("The last four surfacings were ")

@@ -1,4 +1,5 @@
 import type { FlowArrow } from '../api/types';
+import { fixed } from '../text/unit';
 
 /** Where a line goes on a map: north and east, m. */
 export type Line = readonly (readonly [north: number, east: number])[];
@@ -55,4 +56,12 @@ export function ellipseLine(
     const [along, across] = [long * Math.cos(angle), short * Math.sin(angle)];
     return [north + along * cos - across * sin, east + along * sin + across * cos] as const;
   });
+}
+
+/** Speed, direction and deviation of an arrow in words; nothing is said where nothing is known. */
+export function flowText(arrow: FlowArrow): string {
+  const [north, east] = arrow.velocity_ne_m_s;
+  const degrees = Math.round((Math.atan2(east, north) * 180) / Math.PI + 360) % 360;
+  const std = Math.max(...arrow.std_ne_m_s);
+  return `${fixed(100 * speedOf(arrow), 1)} cm/s to ${String(degrees).padStart(3, '0')}°, ±${fixed(100 * std, 1)} cm/s`;
 }

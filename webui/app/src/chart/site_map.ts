@@ -2,7 +2,7 @@ import * as L from 'leaflet';
 import type { Area, Box, ComesUp, Flow, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
-import { arrowLines, ellipseLine, scaleOf, speedOf, told, type Line } from './flow_arrow';
+import { arrowLines, ellipseLine, flowText, scaleOf, told, type Line } from './flow_arrow';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
 import { ticks } from './slice';
@@ -142,19 +142,40 @@ export class SiteDrawing {
     ).addTo(this.#rehearsed);
   }
 
-  /** Arrows of the current: paler where they are not sure, dashed where they are predicted. */
+  /**
+   * Arrows of the current, each with the ellipse that holds its tip in 9 of 10 cases: paler where
+   * they are not sure, dashed where they are predicted.
+   */
   showFlow(flow: Flow | null): void {
     this.#flow.clearLayers();
     if (!flow) return;
     const scale = scaleOf(flow.arrows, flow.spacing_m);
     for (const arrow of told(flow.arrows)) {
       const manner = `${arrow.is_sure ? '' : ' map-unsure'}${flow.is_predicted ? ' map-predicted' : ''}`;
-      const text = `${fixed(100 * speedOf(arrow), 1)} cm/s`;
+      const { north_m: north, east_m: east, ellipse_m_s: axes, ellipse_rad: turn } = arrow;
+      const tip = arrow.velocity_ne_m_s.map((speed) => scale * speed) as [number, number];
+      const doubt = ellipseLine(
+        north + tip[0],
+        east + tip[1],
+        [scale * axes[0], scale * axes[1]],
+        turn,
+      );
+      L.polygon(plain(doubt), {
+        className: `map-flow-doubt${manner}`,
+        interactive: false,
+      }).addTo(this.#flow);
       for (const line of arrowLines(arrow, scale)) {
-        L.polyline(plain(line), { className: `map-flow${manner}` })
-          .bindTooltip(text, { sticky: true })
-          .addTo(this.#flow);
+        L.polyline(plain(line), { className: `map-flow${manner}`, interactive: false }).addTo(
+          this.#flow,
+        );
       }
+      // A shaft of two pixels cannot be pointed at or tapped: its surroundings answer for it.
+      L.circle([north + tip[0] / 2, east + tip[1] / 2], {
+        radius: 0.4 * flow.spacing_m,
+        className: 'map-flow-touch',
+      })
+        .bindTooltip(flowText(arrow), { sticky: true })
+        .addTo(this.#flow);
     }
   }
 

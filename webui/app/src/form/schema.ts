@@ -80,7 +80,7 @@ function readNode(root: JsonObject, given: JsonObject, path: readonly string[]):
   const common: Common = {
     path,
     title: titleOf(given, schema, key),
-    help: text(schema.description),
+    help: plainHelp(text(schema.description)),
     isAdvanced: schema.advanced === true,
     isNullable,
     default: schema.default,
@@ -225,4 +225,9 @@ function text(value: Json | undefined): string {
 
 function size(value: Json | undefined, otherwise: number): number {
   return typeof value === 'number' ? value : otherwise;
+}
+
+/** Help of a setting without the marks of its source: what stands in them is a word. */
+function plainHelp(help: string): string {
+  return help.replace(/``([^`]*)``/g, (_, word: string) => word.replaceAll('_', ' '));
 }
