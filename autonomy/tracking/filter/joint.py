@@ -33,9 +33,12 @@ REST_SHARE, FAST_SHARE = 0.2, 0.5
 robot's cap; standard deviations per axis."""
 STEADY_S = (60.0, 200.0, 60.0)
 """Time over which a target that rests, cruises or bolts forgets its velocity."""
-DWELL_S = (40.0, 40.0, 20.0)
+DWELL_S = (120.0, 120.0, 60.0)
 """Mean time until it jumps."""
 PRIOR = (0.3, 0.5, 0.2)
+CIRCLES_SHARE, CIRCLES_RAD_S = 0.5, 0.05
+"""Standard deviation of the rate at which a target circles: against the robot's most turn rate, and
+at most so much."""
 LONGEST_DELAY_S = 3.0
 DELAYED_SHARE, PROMPT_S = 0.5, 0.05
 """At first ranges are late by anything up to ``LONGEST_DELAY_S`` with this probability, and else by
@@ -130,6 +133,8 @@ class JointFilter:
         self._prior = (0.0, 1.0, 0.0) if is_beacon else PRIOR
         self._dwell_s = (math.inf,) * 3 if is_beacon else DWELL_S
         self._class_std_m_s = np.array([REST_SHARE * told, told, FAST_SHARE * cap])
+        most_turn = CIRCLES_SHARE * config.motion.turn_rate_max_rad_s
+        self._turn_rate_std = 0.0 if is_beacon else min(most_turn, CIRCLES_RAD_S)
         self._range_std_m = math.sqrt(config.ranging.variance_m2)
         self._std_m = math.sqrt(PERSISTENCE) * self._range_std_m
         self._circle_s = max(2.0 * math.pi / config.motion.turn_rate_max_rad_s, LEAST_CIRCLE_S)
@@ -239,9 +244,10 @@ class JointFilter:
             dt_s,
             WALK_M_SQRT_S * root_s,
             DELAY_WALK_S * root_s,
+            self._turn_rate_std,
             np.column_stack([kept, fresh, std, jumps]),
-            draw.standard_normal((PARTICLES, 5)),
-            draw.random((PARTICLES, 3)),
+            draw.standard_normal((PARTICLES, 6)),
+            draw.random((PARTICLES, 4)),
         )
 
     def _hear(self, own_rate_ne_m_s: Pair) -> None:
@@ -333,6 +339,8 @@ class JointFilter:
         particles[:, k.CLASS] = kind
         std = self._class_std_m_s[kind]
         particles[:, 2:4] = std[:, None] * draw.standard_normal((count, 2))
+        circles = self._turn_rate_std * draw.standard_normal(count)
+        particles[:, k.TURN_RATE] = np.where(draw.random(count) < k.STRAIGHT, 0.0, circles)
         prompt = np.abs(PROMPT_S * draw.standard_normal(count))
         is_late = draw.random(count) < DELAYED_SHARE
         late = draw.uniform(0.0, LONGEST_DELAY_S, count)

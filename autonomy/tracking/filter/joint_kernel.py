@@ -1,8 +1,8 @@
 """Compiled steps of the joint filter of place, velocity and range delay; ``joint`` says when.
 
-A *particle* is six numbers: place north and east in the frame of the robot's own positions, m,
-velocity, m/s, delay of ranges beyond what is told, s, and its speed class. ``reference.joint`` is
-the readable form. No kernel allocates.
+A *particle* is seven numbers: place north and east in the frame of the robot's own positions, m,
+velocity, m/s, delay of ranges beyond what is told, s, its speed class, and the rate at which it
+turns, rad/s. ``reference.joint`` is the readable form. No kernel allocates.
 """
 
 import math
@@ -12,9 +12,9 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 
-NORTH, EAST, NORTH_RATE, EAST_RATE, DELAY, CLASS = range(6)
+NORTH, EAST, NORTH_RATE, EAST_RATE, DELAY, CLASS, TURN_RATE = range(7)
 """Columns of a particle."""
-SIZE = 6
+SIZE = 7
 RESTING, SLOW, FAST = range(3)
 """Speed classes, and rows of a table of them."""
 KEPT, FRESH, STEADY, JUMPS = range(4)
@@ -25,6 +25,8 @@ ANEW = 0.5
 """Share of the jumps into any class and any velocity; the others only turn."""
 TURN_RAD, FASTER = 1.0, 0.2
 """Standard deviations of a turn, and of the logarithm by which it changes the speed."""
+STRAIGHT = 0.5
+"""Share of the jumps after which a target swims straight on; after the others it circles."""
 
 
 @kernel
@@ -33,6 +35,7 @@ def drift(
     dt: float,
     walk_m: float,
     delay_walk_s: float,
+    turn_rate_std: float,
     classes: FloatArray,
     normal: FloatArray,
     uniform: FloatArray,
@@ -44,17 +47,24 @@ def drift(
         dt: Time, s.
         walk_m: Standard deviation by which each place strays meanwhile, per axis.
         delay_walk_s: The same of each delay, which stays positive.
+        turn_rate_std: Standard deviation of the rate at which a target circles, rad/s.
         classes: Table of speed classes for this step, shape ``(3, 4)``.
-        normal: Standard normal numbers, shape ``(n, 5)``.
-        uniform: Uniform in 0..1, shape ``(n, 3)``.
+        normal: Standard normal numbers, shape ``(n, 6)``.
+        uniform: Uniform in 0..1, shape ``(n, 4)``.
     """
     for i in range(len(particles)):
         kind = int(particles[i, CLASS])
         north, east = particles[i, NORTH_RATE], particles[i, EAST_RATE]
-        if uniform[i, 0] >= classes[kind, JUMPS]:
+        is_jump = uniform[i, 0] < classes[kind, JUMPS]
+        if is_jump:
+            circles = uniform[i, 3] >= STRAIGHT
+            particles[i, TURN_RATE] = turn_rate_std * normal[i, 5] if circles else 0.0
+        if not is_jump:
             kept, fresh = classes[kind, KEPT], classes[kind, FRESH]
-            particles[i, NORTH_RATE] = kept * north + fresh * normal[i, 2]
-            particles[i, EAST_RATE] = kept * east + fresh * normal[i, 3]
+            angle = particles[i, TURN_RATE] * dt
+            c, s = kept * math.cos(angle), kept * math.sin(angle)
+            particles[i, NORTH_RATE] = c * north - s * east + fresh * normal[i, 2]
+            particles[i, EAST_RATE] = s * north + c * east + fresh * normal[i, 3]
         elif uniform[i, 1] < ANEW:
             kind = min(int(3.0 * uniform[i, 2]), 2)
             particles[i, CLASS] = kind
@@ -192,7 +202,7 @@ def warm_up() -> None:
     """Compile every kernel of this module."""
     particles, weights = np.zeros((2, SIZE)), np.full(2, 0.5)
     particles[:, NORTH] = 1.0
-    drift(particles, 0.1, 0.1, 0.1, np.ones((3, 4)), np.zeros((2, 5)), np.zeros((2, 3)))
+    drift(particles, 0.1, 0.1, 0.1, 0.1, np.ones((3, 4)), np.zeros((2, 6)), np.zeros((2, 4)))
     ages, ranges, way = np.zeros(1), np.ones(1), np.zeros((2, 2))
     weigh(particles, weights, np.zeros(2), way, 0.1, ages, ranges, 1.0, 4.0)
     turn(particles, 0.0, 0.0, 0.0, 0.0, np.zeros(2))

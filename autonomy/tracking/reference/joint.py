@@ -11,14 +11,16 @@ def drift(
     dt: float,
     walk_m: float,
     delay_walk_s: float,
+    turn_rate_std: float,
     classes: FloatArray,
     normal: FloatArray,
     uniform: FloatArray,
 ) -> FloatArray:
     """Return the particles after ``dt``; arguments as of ``joint_kernel.drift``.
 
-    A target keeps its class and most of its velocity (an Ornstein-Uhlenbeck process), or begins
-    another class at any velocity of it, or turns.
+    A target keeps its class and most of its velocity (an Ornstein-Uhlenbeck process), which turns
+    with it, or begins another class at any velocity of it, or turns at once; after either it swims
+    straight on or circles.
     """
     table = classes[particles[:, k.CLASS].astype(np.int64)]  # (n, 4)
     before = particles[:, k.NORTH_RATE] + 1j * particles[:, k.EAST_RATE]  # (n,)
@@ -26,7 +28,8 @@ def drift(
     jumps = uniform[:, 0] < table[:, k.JUMPS]
     anew = jumps & (uniform[:, 1] < k.ANEW)
     drawn = np.minimum((3.0 * uniform[:, 2]).astype(np.int64), 2)
-    goes_on = table[:, k.KEPT] * before + table[:, k.FRESH] * noise
+    goes_on = table[:, k.KEPT] * before * np.exp(1j * dt * particles[:, k.TURN_RATE])
+    goes_on += table[:, k.FRESH] * noise
     turned = before * np.exp(k.FASTER * normal[:, 3] + 1j * k.TURN_RAD * normal[:, 2])
     after = np.where(jumps, turned, goes_on)
     after = np.where(anew, classes[drawn, k.STEADY] * noise, after)
@@ -34,8 +37,10 @@ def drift(
     place += walk_m * (normal[:, 0] + 1j * normal[:, 1])
     delay = np.abs(particles[:, k.DELAY] + delay_walk_s * normal[:, 4])
     kind = np.where(anew, drawn, particles[:, k.CLASS])
+    fresh_rate = np.where(uniform[:, 3] < k.STRAIGHT, 0.0, turn_rate_std * normal[:, 5])
+    rate = np.where(jumps, fresh_rate, particles[:, k.TURN_RATE])
     return np.column_stack(
-        [np.real(place), np.imag(place), np.real(after), np.imag(after), delay, kind]
+        [np.real(place), np.imag(place), np.real(after), np.imag(after), delay, kind, rate]
     )
 
 
