@@ -3,13 +3,14 @@
 Some alarms are about time that passes: ``Watch.is_past`` notes when a rule is to be asked next.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from autonomy.tracking.phase import TargetPhase
 from robot_link.clock import Clock
-from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
+from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState, RobotMode
 from server.base.alarm_board import AlarmBoard
 from server.base.wakeups import Wakeups
 from server.fleet.actuator_words import slowed_text, trouble_text
@@ -22,6 +23,10 @@ from server.fleet.words import clock_time
 _BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10
 _LOST = timedelta(seconds=15)
 """A link that is silent this long, by the wall, is lost."""
+_NEAR_SHORE_M = 20.0
+_SOON_ASHORE = timedelta(minutes=30)
+"""A robot that its current carries ashore within this time is near."""
+_AFLOAT = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING, RobotMode.ABORTING))
 _OVERDUE_WATCH, _OVERDUE_CRITICAL = timedelta(minutes=10), timedelta(minutes=40)
 
 
@@ -162,8 +167,34 @@ def _surface(status: RobotStatus, watch: Watch) -> Verdict | None:
 
 
 def _clock(status: RobotStatus, watch: Watch) -> Verdict | None:
+    if status.clock_fault is None:
+        return None
+    text = status.clock_fault.text
+    if (
+        status.record.kind == "simulated"
+        and watch.speed > 1.0
+        and status.clock_fault.ahead < timedelta()
+    ):
+        text += f" It may be that this machine cannot simulate {watch.speed:g} times as fast."
+    return Verdict("watch", text)
+
+
+def _adrift(status: RobotStatus, watch: Watch) -> Verdict | None:
+    """Judge whether the water carries a robot ashore that floats and does nothing about it."""
     del watch
-    return None if status.clock_fault is None else Verdict("watch", status.clock_fault.text)
+    state, robot = status.state, status.record.id
+    if state is None or state.mode not in _AFLOAT or status.record.site.kind == "tank":
+        return None
+    if status.plan_report is not None and status.plan_report.state is OnboardPlanState.RUNNING:
+        return None
+    left_m = status.record.site.clearance_m(*state.position_ned[:2])
+    if left_m <= 0.0:
+        return Verdict("warning", f"{robot} floats outside of its water by its own position.")
+    report = status.current_report
+    speed_m_s = 0.0 if report is None else math.hypot(*report.current_ne_m_s)
+    if left_m > max(_NEAR_SHORE_M, speed_m_s * _SOON_ASHORE.total_seconds()):
+        return None
+    return Verdict("warning", f"{robot} floats near the shore and flies no plan: it may go ashore.")
 
 
 def _ended_early(status: RobotStatus, watch: Watch) -> Verdict | None:
@@ -250,9 +281,10 @@ RULES: tuple[Rule, ...] = (
     Rule("surface order", _surface),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
+    Rule("adrift", _adrift),
     Rule("doubt", _doubt),
     Rule("target", _target, _target_over),
-    Rule("target_speed", _target_speed),
+    Rule("target speed", _target_speed),
     Rule("actuators", _actuators),
 )
 """Every cause of alarm about a robot."""

@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from autonomy.site import TANK
+from autonomy.site import LAKE, TANK
 from db.query.robots import RobotRecord
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
@@ -190,6 +190,31 @@ def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(status):
 def test_wrong_clock_alarms(status):
     status.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
     assert verdicts(status)["clock"].text == "The clock of mini-1 is behind."
+
+
+def test_slow_simulation_is_not_blamed_on_the_robot_alone(status):
+    status.clock_fault = ClockFault(timedelta(minutes=-45), "Its clock is behind.")
+    assert "simulate" not in verdicts(status, speed=20.0)["clock"].text
+    status.record = replace(status.record, kind="simulated")
+    assert "cannot simulate 20 times as fast" in verdicts(status, speed=20.0)["clock"].text
+    assert "simulate" not in verdicts(status)["clock"].text
+
+
+def test_robot_that_the_water_carries_ashore_alarms(status):
+    status.record = replace(status.record, site=LAKE)
+    middle = 0.5 * (LAKE.water.x_min_m + LAKE.water.x_max_m)
+    status.state = state_report(MINI, (middle, 250.0, 0.0), at=NOW)
+    assert "adrift" not in verdicts(status)
+    status.state = state_report(MINI, (middle, 470.0, 0.0), at=NOW)
+    left_m = LAKE.clearance_m(middle, 470.0)
+    assert 0.0 < left_m < 60.0
+    status.current_report = CurrentReport(MINI, NOW, NOW, (0.0, 0.04), 0.01, 1.0, 3, 0)
+    assert "near the shore" in verdicts(status)["adrift"].text
+    status.plan_report = PlanReport(MINI, None, OnboardPlanState.RUNNING, 1, 3, 2.0, "", NOW, NOW)
+    assert "adrift" not in verdicts(status)
+    status.plan_report = None
+    status.state = state_report(MINI, (middle, 900.0, 0.0), at=NOW)
+    assert "outside of its water" in verdicts(status)["adrift"].text
 
 
 def test_another_robot_under_the_same_system_id_alarms(status):

@@ -217,7 +217,7 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
 
 
 def test_a_target_that_is_too_fast_is_an_alarm_before_it_is_lost():
-    (rule,) = (rule for rule in RULES if rule.cause == "target_speed")
+    (rule,) = (rule for rule in RULES if rule.cause == "target speed")
     status, watch = status_in(TANK), Watch(NOW, NOW, 1.0)
     status.target_report = target_report(0)
     assert rule.judge(status, watch) is None
