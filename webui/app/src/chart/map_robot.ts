@@ -1,5 +1,6 @@
 import type { Robot } from '../api/types';
 import type { Station } from '../live/station.svelte';
+import { offByNow } from '../text/growth';
 import type { MapRobot } from './site_map';
 
 const OLD_S = 10;
@@ -12,6 +13,8 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
     if (!position) return [];
     const heading = entry.report?.channels.heading_rad?.value ?? 0;
     const limit = entry.report?.channels.depth_m?.limit_s ?? OLD_S;
+    const ageS = station.ageNow(entry, position.age_s);
+    const isIdle = entry.report?.mode === 'idle';
     return [
       {
         id,
@@ -19,7 +22,8 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
         ned: position.ned_m,
         stdM: position.std_m,
         headingRad: heading,
-        isOld: station.ageNow(entry, position.age_s) > limit,
+        isOld: ageS > limit,
+        offM: isIdle ? offByNow(position.std_m, entry.report?.current, ageS, true) : null,
       },
     ];
   });

@@ -15,6 +15,15 @@ export interface MapRobot {
   stdM: number;
   /** Older than its limit: drawn hollow. */
   isOld: boolean;
+  /** How far it may have drifted by now, m; predicted, null where that is no more than stated. */
+  offM: number | null;
+}
+
+interface Mark {
+  marker: L.Marker;
+  arrow: SVGElement;
+  circle: L.Circle;
+  off: L.Circle;
 }
 
 /** Room for the label of one line of the grid, px. */
@@ -40,7 +49,7 @@ export class SiteDrawing {
   readonly #comesUp = L.layerGroup();
   readonly #robots = L.layerGroup();
   readonly #areas: SiteAreas;
-  readonly #marks = new Map<string, { marker: L.Marker; arrow: SVGElement; circle: L.Circle }>();
+  readonly #marks = new Map<string, Mark>();
   readonly #bounds: L.LatLngBounds;
 
   constructor(host: HTMLElement, site: Site, onHover: (ned: [number, number] | null) => void) {
@@ -210,6 +219,7 @@ export class SiteDrawing {
       const at: [number, number] = [robot.ned[0], robot.ned[1]];
       mark.marker.setLatLng(at);
       mark.circle.setLatLng(at).setRadius(Math.max(robot.stdM, 1e-3));
+      mark.off.setLatLng(at).setRadius(robot.offM ?? 1e-3);
       const degrees = (robot.headingRad * 180) / Math.PI;
       mark.arrow.setAttribute('transform', `rotate(${degrees.toFixed(1)} 14 14)`);
       mark.marker.getElement()?.classList.toggle('map-old', robot.isOld);
@@ -234,7 +244,7 @@ export class SiteDrawing {
     }
   }
 
-  #addRobot(robot: MapRobot): { marker: L.Marker; arrow: SVGElement; circle: L.Circle } {
+  #addRobot(robot: MapRobot): Mark {
     const { figure, arrow } = robotFigure();
     const icon = L.divIcon({
       html: figure as unknown as HTMLElement,
@@ -249,9 +259,11 @@ export class SiteDrawing {
       className: 'map-name',
     });
     const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });
+    const off = L.circle([0, 0], { radius: 1e-3, className: 'map-off', interactive: false });
+    off.addTo(this.#robots);
     circle.addTo(this.#robots);
     marker.addTo(this.#robots);
-    const mark = { marker, arrow, circle };
+    const mark = { marker, arrow, circle, off };
     this.#marks.set(robot.id, mark);
     return mark;
   }
