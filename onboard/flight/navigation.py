@@ -239,7 +239,9 @@ class ModelTrack:
         if current_ne_m_s is None or current_ne_m_s == before:
             return
         if before is None:
-            self._filter.hear_current(current_ne_m_s, self._told_std_m_s)
+            # a plan from the map of the robot's own dives is no news to one that knows as much
+            if self._filter.steady_current_std_m_s > self._told_std_m_s:
+                self._filter.hear_current(current_ne_m_s, self._told_std_m_s)
         else:
             north, east = current_ne_m_s
             self._filter.shift_current((north - before[0], east - before[1]))

@@ -47,10 +47,40 @@ const TOO_FAST: PhaseWord = {
   help: 'The target swims faster than the robot may. It is still held, and will be lost.',
 };
 
-/** What a phase is called; `astray` where the estimate is known to be wrong. */
-export function phaseWord(phase: TargetPhase, astray = false, tooFast = false): PhaseWord {
-  if (tooFast && phase === 'tracking') return TOO_FAST;
-  return astray && phase === 'tracking' ? ASTRAY : PHASES[phase];
+const VAGUE: PhaseWord = {
+  text: 'Hears its target, unsure where it is',
+  tone: 'watch',
+  help: 'Ranges come in, but the target may be on any side: its ellipse is larger than its distance.',
+};
+
+/**
+ * What a phase is called.
+ *
+ * @param astray Where the estimate is known to be wrong.
+ * @param tooFast Where the target is too fast to follow.
+ * @param vague Where the estimate says too little of the place.
+ */
+export function phaseWord(
+  phase: TargetPhase,
+  astray = false,
+  tooFast = false,
+  vague = false,
+): PhaseWord {
+  if (phase !== 'tracking') return PHASES[phase];
+  if (tooFast) return TOO_FAST;
+  if (astray) return ASTRAY;
+  return vague ? VAGUE : PHASES.tracking;
+}
+
+/** Whether the target may be on any side of the robot: its ellipse is larger than its distance. */
+export function isVague({
+  hypotheses: [likeliest],
+  position_ne_m: [north, east],
+}: Pick<TargetReport, 'hypotheses' | 'position_ne_m'>): boolean {
+  const ellipse = likeliest ? ellipse95(likeliest.covariance_m2) : null;
+  if (!likeliest || ellipse === null) return false;
+  const [atNorth, atEast] = likeliest.position_ne_m;
+  return ellipse.longM > Math.hypot(atNorth - north, atEast - east);
 }
 
 /** A truth that lies just outside is chance: one in twenty does. */

@@ -12,7 +12,15 @@ import {
 } from './config';
 import { batteryText, trackFacts } from './account';
 import { barrierSentence, knowable, knowableFigure, lately, observability } from './observability';
-import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
+import {
+  advice,
+  isAstray,
+  isFollowing,
+  isTeachingNow,
+  isVague,
+  phaseSince,
+  phaseWord,
+} from './phase';
 import { pingOrders } from './ping';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
@@ -112,6 +120,20 @@ describe('the hold on a target', () => {
       isAtLeast: true,
     });
     expect(phaseSince([])).toBeNull();
+  });
+
+  test('that leaves its side open is not called a hold', () => {
+    const near = report(0, { position_ne_m: [0, 0] });
+    const [best] = near.hypotheses;
+    if (!best) throw new Error('no hypothesis');
+    const at = (std_m: number): TargetReport => ({
+      ...near,
+      hypotheses: [{ ...best, position_ne_m: [1, 0], covariance_m2: [std_m ** 2, 0, 0.01] }],
+    });
+    expect(isVague(at(0.2))).toBe(false);
+    expect(isVague(at(0.5))).toBe(true);
+    expect(phaseWord('tracking', false, false, true).tone).toBe('watch');
+    expect(phaseWord('lost', false, false, true).text).toBe('Lost its target');
   });
 
   test('that is known to be wrong is not called a hold', () => {
