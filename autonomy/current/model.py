@@ -202,6 +202,11 @@ class CurrentMap:
         return tuple(self._observations)
 
     @property
+    def oldest_s(self) -> float:
+        """Time of the oldest observation's end; inf without any."""
+        return min((float(one.time_s[-1]) for one in self._observations), default=math.inf)
+
+    @property
     def newest_s(self) -> float:
         """Time of the newest observation's end; -inf without any."""
         return max((float(one.time_s[-1]) for one in self._observations), default=-math.inf)

@@ -169,6 +169,7 @@ def _view(
         dives=len(dives),
         stays=len(known.observations) - len(dives),
         robots=sorted({one.robot for one in dives}),
+        oldest_at=datetime.fromtimestamp(known.oldest_s, UTC) if known.observations else None,
         newest_at=datetime.fromtimestamp(newest_s, UTC) if known.observations else None,
         text=text,
         worth=words.worth_text(verdicts),

@@ -22,7 +22,9 @@ class CurrentStatusView(View):
     stays: int
     robots: list[str]
     """Robots whose dives count."""
+    oldest_at: datetime | None
     newest_at: datetime | None
+    """When the first and the last observation of the map ended; null without any."""
     text: str
     """What the map is made of, and what it says of the robot's place now."""
     worth: str

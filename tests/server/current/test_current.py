@@ -146,6 +146,7 @@ async def test_status_flow_and_files_say_what_the_dives_told(client, station, wo
     await fly(station, world, 5)
     told = (await client.get("/api/robots/grace-1/current")).json()
     assert told["dives"] == 5
+    assert told["oldest_at"] < told["newest_at"]
     assert told["is_usable"]
     assert re.match(
         r"From 5 dives of grace-1\. At grace-1 now [567]\.\d cm/s to 3[23]\d°, give or take \d",
