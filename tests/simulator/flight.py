@@ -72,9 +72,9 @@ class Life:
         return self.robot.program.estimate
 
     @property
-    def pitch_held_rad(self) -> float | None:
+    def pitch_held_rad(self):
         """The pitch that the controller holds in this step; None while none does."""
-        return self.executive._flight.pilot.wanted_pitch_rad
+        return self.executive._flight.pilot.wanted_pitch_rad  # pyright: ignore[reportPrivateUsage]
 
     @property
     def track(self) -> np.ndarray:
