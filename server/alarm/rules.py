@@ -3,7 +3,6 @@
 Some alarms are about time that passes: ``Watch.is_past`` notes when a rule is to be asked next.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -25,7 +24,7 @@ _LOST = timedelta(seconds=15)
 """A link that is silent this long, by the wall, is lost."""
 _NEAR_SHORE_M = 20.0
 _SOON_ASHORE = timedelta(minutes=30)
-"""A robot that its current carries ashore within this time is near."""
+"""A robot that the current it believes carries ashore within this time is near."""
 _AFLOAT = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING, RobotMode.ABORTING))
 _OVERDUE_WATCH, _OVERDUE_CRITICAL = timedelta(minutes=10), timedelta(minutes=40)
 
@@ -190,9 +189,11 @@ def _adrift(status: RobotStatus, watch: Watch) -> Verdict | None:
     left_m = status.record.site.clearance_m(*state.position_ned[:2])
     if left_m <= 0.0:
         return Verdict("warning", f"{robot} floats outside of its water by its own position.")
-    report = status.current_report
-    speed_m_s = 0.0 if report is None else math.hypot(*report.current_ne_m_s)
-    if left_m > max(_NEAR_SHORE_M, speed_m_s * _SOON_ASHORE.total_seconds()):
+    report, site = status.current_report, status.record.site
+    north_m_s, east_m_s = (0.0, 0.0) if report is None else report.current_ne_m_s
+    soon_s = _SOON_ASHORE.total_seconds()
+    north_m, east_m = state.position_ned[0] + soon_s * north_m_s, state.position_ned[1]
+    if left_m > _NEAR_SHORE_M and site.clearance_m(north_m, east_m + soon_s * east_m_s) > 0.0:
         return None
     return Verdict("warning", f"{robot} floats near the shore and flies no plan: it may go ashore.")
 

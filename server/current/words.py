@@ -123,8 +123,7 @@ def _map_worth(found: WaterCurrent, now_s: float) -> str:
     many = f"{len(found.dives)} dive{'s' if len(found.dives) > 1 else ''}"
     text = f"{many}, the newest {_age(age_s)} ago."
     if not found.is_usable(now_s):
-        few = len(found.known.observations) < FEWEST
-        why = f"it takes {FEWEST}" if few else "that is too long ago"
+        why = "that is too long ago" if found.has_enough else f"it takes {FEWEST} of them"
         return f"{text} For a plan {why}: until then the typed current holds."
     text += f" One like the newest would come up within {metres(_reach_m(found, now_s))} (9 of 10)"
     error_m = rms([one.error_m for one in found.verdicts])

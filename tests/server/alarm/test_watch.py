@@ -205,11 +205,14 @@ def test_robot_that_the_water_carries_ashore_alarms(status):
     middle = 0.5 * (LAKE.water.x_min_m + LAKE.water.x_max_m)
     status.state = state_report(MINI, (middle, 250.0, 0.0), at=NOW)
     assert "adrift" not in verdicts(status)
-    status.state = state_report(MINI, (middle, 470.0, 0.0), at=NOW)
-    left_m = LAKE.clearance_m(middle, 470.0)
+    status.state = state_report(MINI, (middle, 455.0, 0.0), at=NOW)
+    left_m = LAKE.clearance_m(middle, 455.0)
     assert 0.0 < left_m < 60.0
     status.current_report = CurrentReport(MINI, NOW, NOW, (0.0, 0.04), 0.01, 1.0, 3, 0)
     assert "near the shore" in verdicts(status)["adrift"].text
+    status.current_report = replace(status.current_report, current_ne_m_s=(0.0, -0.04))
+    assert "adrift" not in verdicts(status)
+    status.current_report = replace(status.current_report, current_ne_m_s=(0.0, 0.04))
     status.plan_report = PlanReport(MINI, None, OnboardPlanState.RUNNING, 1, 3, 2.0, "", NOW, NOW)
     assert "adrift" not in verdicts(status)
     status.plan_report = None

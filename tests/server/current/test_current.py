@@ -421,7 +421,8 @@ def test_each_choice_of_a_current_says_what_it_is_worth():
     few, _ = empty.with_observations(dives[:2])
     said = worth_of(few, (0.1, 0.0), 3000.0)
     assert said.map == (
-        "2 dives, the newest 28 min ago. For a plan it takes 3: until then the typed current holds."
+        "2 dives, the newest 28 min ago. For a plan it takes 3 of them: until then the typed "
+        "current holds."
     )
     grown, _ = empty.with_observations(dives)
     said = worth_of(grown, (0.075, -0.1), 3600.0 * 4)
