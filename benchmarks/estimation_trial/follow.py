@@ -14,8 +14,9 @@ from autonomy.estimation.config import (
 from autonomy.estimation.fix_watch import SHORTEST_DIVE_S
 from autonomy.estimation.kernel import turn
 from autonomy.estimation.model_filter import LONGEST_STEP_S as MODEL_STEP_S
-from autonomy.estimation.model_filter import first_belief, process_noise, telling_stay_s
+from autonomy.estimation.model_filter import first_belief, process_noise
 from autonomy.estimation.position_filter import position_noise
+from autonomy.estimation.telling_stay import telling_stay_s
 from autonomy.estimation.velocity_observer import LONGEST_STEP_S, observer_gains
 from autonomy.frames import wrap_angle
 from autonomy.vehicle.config import Vehicle

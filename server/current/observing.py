@@ -10,8 +10,8 @@ import numpy as np
 from autonomy.arrays import FloatArray, evenly_spread, spaced
 from autonomy.current.model import Observation
 from autonomy.estimation.config import EstimatorConfig
-from autonomy.estimation.model_filter import telling_stay_s
 from autonomy.estimation.smoother import finished_dives
+from autonomy.estimation.telling_stay import telling_stay_s
 from db.query.current_observations import ReportedFix
 from db.query.smoothing import TrackColumns
 from robot_link.messages import RobotId, RobotMode

@@ -16,7 +16,8 @@ from autonomy.estimation.config import (
     WaterMotionConfig,
     estimator_preset,
 )
-from autonomy.estimation.model_filter import ModelFilter, telling_stay_s
+from autonomy.estimation.model_filter import ModelFilter
+from autonomy.estimation.telling_stay import telling_stay_s
 from autonomy.vehicle.config import VEHICLES
 
 ESTIMATOR = EstimatorConfig()
