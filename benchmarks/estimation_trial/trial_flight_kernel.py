@@ -353,7 +353,7 @@ def warm_up() -> None:
     follow_reckoning(np.ones((2, 5)), three, fix, no, 1.0, np.ones((3, 2)), 0.1)
     follow_model(
         x, S, command, three, three, three, two, fix, no, two, 9.0, 1, packed, water, np.ones(13),
-        0.1, 2,
+        0.1, 2, 10.0, 16.0,
     )  # fmt: skip
     tags, seen = np.zeros((2, 1, 4)), np.zeros((2, 1), np.bool_)
     follow_tags(np.ones((4, 5)), two, three, three, tags, seen, four, np.ones(3), four, 9.0, 1, 0.1)
