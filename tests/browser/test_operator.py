@@ -102,7 +102,7 @@ def look_at_the_draft(page):
     """What is known of a plan before it is sent: its way, its rehearsal, what came close to it."""
     rehearsal = page.get_by_role("region", name="Rehearsal of the plan")
     expect(rehearsal.get_by_role("status")).to_have_text("Rehearsed", timeout=240_000)
-    for question in ("Does it fly the plan?", "Does it know where it is?"):
+    for question in ("Does it fly as expected?", "Does it know where it is?"):
         expect(rehearsal.get_by_text(question)).to_be_visible()
     way = page.get_by_role("img", name=re.compile("Depth and predicted position uncertainty"))
     expect(way).to_be_visible()
