@@ -25,7 +25,7 @@ _LOST = timedelta(seconds=15)
 _NEAR_SHORE_M = 20.0
 _SOON_ASHORE = timedelta(minutes=30)
 """A robot that the current it believes carries ashore within this time is near."""
-_AFLOAT = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING, RobotMode.ABORTING))
+_AFLOAT = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING))
 _OVERDUE_WATCH, _OVERDUE_CRITICAL = timedelta(minutes=10), timedelta(minutes=40)
 
 
@@ -182,7 +182,9 @@ def _adrift(status: RobotStatus, watch: Watch) -> Verdict | None:
     """Judge whether the water carries a robot ashore that floats and does nothing about it."""
     del watch
     state, robot = status.state, status.record.id
-    if state is None or state.mode not in _AFLOAT or status.record.site.kind == "tank":
+    if state is None or not state.has_fix or state.mode not in _AFLOAT:
+        return None
+    if status.record.site.kind == "tank":
         return None
     if status.plan_report is not None and status.plan_report.state is OnboardPlanState.RUNNING:
         return None

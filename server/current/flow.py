@@ -19,7 +19,8 @@ ACROSS = 14
 _DEPTHS = 4
 _TOLD = 0.8
 """A standard deviation beyond this part of the prior's tells nothing."""
-_ELLIPSE_90 = math.sqrt(-2.0 * math.log(0.1))
+RADIUS_90 = math.sqrt(-2.0 * math.log(0.1))
+"""Radius of the circle that holds 90 of 100 draws of a plane normal vector, in deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,16 +52,28 @@ def flow_grid(known: CurrentMap, site: Site, time_s: float) -> FlowGrid:
     return FlowGrid(places, flow.mean_ne_m_s, flow.cov_m2_s2, spacing, known.prior_std_m_s())
 
 
+def ellipse_90(covariance: FloatArray) -> tuple[tuple[float, float], float]:
+    """Return the ellipse that holds 90 of 100 draws about the mean.
+
+    Args:
+        covariance: Of north and east, shape ``(2, 2)``.
+
+    Returns:
+        Half axes, the longer one first, and its direction from north towards east, rad.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    minor, major = (RADIUS_90 * np.sqrt(np.maximum(values, 0.0))).tolist()
+    return (major, minor), math.atan2(float(vectors[1, 1]), float(vectors[0, 1]))
+
+
 def arrows(grid: FlowGrid) -> list[FlowArrowView]:
     """Return the arrows of a grid."""
     found: list[FlowArrowView] = []
     for place, mean, cov in zip(
         grid.north_east_m.tolist(), grid.mean_ne_m_s.tolist(), grid.cov_m2_s2, strict=True
     ):
-        values, vectors = np.linalg.eigh(cov)
-        minor, major = np.sqrt(np.maximum(values, 0.0)).tolist()
+        axes, direction_rad = ellipse_90(cov)
         std = np.sqrt(np.maximum(np.diag(cov), 0.0)).tolist()
-        axes = (_ELLIPSE_90 * major, _ELLIPSE_90 * minor)
         found.append(
             FlowArrowView(
                 north_m=place[0],
@@ -68,7 +81,7 @@ def arrows(grid: FlowGrid) -> list[FlowArrowView]:
                 velocity_ne_m_s=(mean[0], mean[1]),
                 std_ne_m_s=(std[0], std[1]),
                 ellipse_m_s=axes,
-                ellipse_rad=math.atan2(float(vectors[1, 1]), float(vectors[0, 1])),
+                ellipse_rad=direction_rad,
                 is_told=max(std) <= _TOLD * grid.prior_std_m_s,
                 is_sure=math.hypot(*mean) >= axes[0],
             )

@@ -9,6 +9,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.model import FEWEST, CurrentMap, Observation
+from server.current.flow import RADIUS_90
 from server.current.record import Verdict
 from server.current.water_current import JUDGED, WaterCurrent
 from server.fleet.current_words import cm_s, flow_text, metres
@@ -17,7 +18,6 @@ _WEAK_TIDE_M_S = 0.005
 _STEPS = 96
 """Moments of a tide's period that are looked at."""
 _LEAST_VERDICTS = 3
-_CIRCLE_90 = math.sqrt(-2.0 * math.log(0.1))
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 
@@ -138,7 +138,7 @@ def _reach_m(found: WaterCurrent, now_s: float) -> float:
     noise_m2 = dive.walk_std_m**2 + dive.fix_std_m**2
     times_s = dive.time_s - dive.time_s[0] + now_s
     cov_m2 = found.known.displacement(times_s, dive.position_ned, noise_m2).cov_m2
-    return _CIRCLE_90 * math.sqrt(max(float(np.trace(cov_m2)) / 2.0, 0.0))
+    return RADIUS_90 * math.sqrt(max(float(np.trace(cov_m2)) / 2.0, 0.0))
 
 
 def _age(age_s: float) -> str:

@@ -1,7 +1,6 @@
 """What plans know of the current: a table of the map to plan in, and what it says of surfacings."""
 
 import asyncio
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,10 +12,10 @@ from autonomy.planner.leg import drift, primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 from server.base.foundation import Foundation
 from server.current.currents import Currents
+from server.current.flow import ellipse_90
 
 _LONGER = 1.5
 """A table goes on for so many times the expected duration of its round."""
-_ELLIPSE_90 = math.sqrt(-2.0 * math.log(0.1))
 _TRACK_POINTS = 7
 """Points of a leg by which its integral of the current is taken."""
 
@@ -104,8 +103,7 @@ def surfacings_of(
         walk = known.walk_variance_m2(position.drift_m_sqrt_s, duration_s) + position.fix_std_m**2
         said = known.displacement(np.array(times), np.array(track), walk)
         end = drift.position_at(leg, course, 1.0)
-        values, vectors = np.linalg.eigh(said.cov_m2)
-        minor, major = (_ELLIPSE_90 * np.sqrt(np.maximum(values, 0.0))).tolist()
+        axes, direction_rad = ellipse_90(said.cov_m2)
         north, east = said.mean_ne_m.tolist()
         found.append(
             {
@@ -113,8 +111,8 @@ def surfacings_of(
                 "north_m": end[0],
                 "east_m": end[1],
                 "drift_ne_m": [north, east],
-                "ellipse_m": [major, minor],
-                "ellipse_rad": math.atan2(float(vectors[1, 1]), float(vectors[0, 1])),
+                "ellipse_m": list(axes),
+                "ellipse_rad": direction_rad,
             }
         )
         times, track = [], []
