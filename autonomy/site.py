@@ -2,24 +2,39 @@
 
 import itertools
 import math
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
 from autonomy.arrays import BoolArray, FloatArray
+from autonomy.chart import CHARTS, Chart, between_lines
 from autonomy.configuration import Configuration, quantity
+from autonomy.frames import ned_from_wgs84, wgs84_from_ned
+from autonomy.outline import Outline, first_crossing
 
 NorthEast = tuple[float, float]
 """North and east in the site's frame, m."""
 
+_FAR_M = 20_100_000.0
+"""No place on Earth is farther from another along the surface."""
+_Reach = Annotated[float, Field(ge=-_FAR_M, le=_FAR_M)]
+
 _CORNERS_MIN = 3
-_CORNERS_MAX = 64
+CORNERS_MAX = 256
+"""Corners of an outline that a document holds; longer ones are kept as charts."""
 _LINES_MIN = 2
 _LINES_MAX = 256
 _THICKNESS_MIN = 1e-6
 """Least area of a polygon, as a share of the square of its circumference."""
+_AREAS_MAX = 64
+_PLACES_MAX = 500
+_SAME_PLACE_M = 1.0
+"""A place's two positions may differ by so much."""
+_ORIGIN = ("origin_latitude_deg", "origin_longitude_deg")
 
 Lines = Annotated[tuple[float, ...], Field(min_length=_LINES_MIN, max_length=_LINES_MAX)]
 
@@ -66,37 +81,41 @@ class Area(Configuration):
 
     name: str = Field(min_length=1, max_length=60, title="Name")
     """What operators call it; sentences about a plan name it."""
-    corners_m: tuple[NorthEast, ...] = quantity(..., "m", title="Corners (north, east)")
-    """Corners one after the other along the outline, 3 to 64, in the site frame. The last is
+    corners_m: tuple[tuple[_Reach, _Reach], ...] = quantity(..., "m", title="Corners (north, east)")
+    """Corners one after the other along the outline, 3 to 256, in the site frame. The last is
     joined to the first; the sides must not cross each other."""
 
     @field_validator("corners_m")
     @classmethod
     def _is_simple(cls, corners: tuple[NorthEast, ...]) -> tuple[NorthEast, ...]:
-        if not _CORNERS_MIN <= len(corners) <= _CORNERS_MAX:
+        if not _CORNERS_MIN <= len(corners) <= CORNERS_MAX:
             raise ValueError(
-                f"corners_m needs {_CORNERS_MIN} to {_CORNERS_MAX} corners, not {len(corners)}"
+                f"corners_m needs {_CORNERS_MIN} to {CORNERS_MAX} corners, not {len(corners)}"
             )
-        sides = _sides(np.array(corners))
-        lengths = np.hypot(*(sides[1] - sides[0]).T)
+        ring = np.array(corners)
+        lengths = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
         if not lengths.all():
             number = int(lengths.argmin()) + 1
             raise ValueError(
                 f"corners_m has the same corner twice in a row, number {number}"
                 " (the last is joined to the first without repeating it)"
             )
-        for i, j in itertools.combinations(range(len(corners)), 2):
-            are_neighbours = j == i + 1 or (i == 0 and j == len(corners) - 1)
-            if not are_neighbours and _cross(sides[:, i], sides[:, j]):
-                raise ValueError(
-                    f"corners_m crosses itself: the side after corner {i + 1}"
-                    f" meets the side after corner {j + 1}"
-                )
-        north, east = np.array(corners).T
+        crossing = first_crossing(ring)
+        if crossing is not None:
+            raise ValueError(
+                f"corners_m crosses itself: the side after corner {crossing[0] + 1}"
+                f" meets the side after corner {crossing[1] + 1}"
+            )
+        north, east = ring.T
         area = 0.5 * abs(float(north @ np.roll(east, -1) - east @ np.roll(north, -1)))
         if area < _THICKNESS_MIN * float(lengths.sum()) ** 2:
             raise ValueError("corners_m encloses no area: all its corners lie on one line")
         return corners
+
+    @property
+    def outline(self) -> Outline:
+        """The corners as geometry."""
+        return _outline_of((self.corners_m,))
 
     def contains(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> BoolArray:
         """Tell which points lie inside the outline.
@@ -105,13 +124,7 @@ class Area(Configuration):
             north_m: Northings, any shape.
             east_m: Eastings, of a shape that goes with it.
         """
-        x, y = np.broadcast_arrays(np.asarray(north_m, float), np.asarray(east_m, float))
-        inside = np.zeros(x.shape, dtype=np.bool_)
-        for (x0, y0), (x1, y1) in zip(*_sides(np.array(self.corners_m)), strict=True):
-            if y0 != y1:
-                spans = (y0 <= y) != (y1 <= y)
-                inside ^= spans & (x < x0 + (y - y0) * ((x1 - x0) / (y1 - y0)))
-        return inside
+        return self.outline.contains(north_m, east_m)
 
     def distance_m(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> FloatArray:
         """Return how far points are from the outline, positive outside and negative inside.
@@ -120,13 +133,12 @@ class Area(Configuration):
             north_m: Northings, any shape.
             east_m: Eastings, of a shape that goes with it.
         """
-        x, y = np.broadcast_arrays(np.asarray(north_m, float), np.asarray(east_m, float))
-        squared = np.full(x.shape, np.inf)
-        for (x0, y0), (x1, y1) in zip(*_sides(np.array(self.corners_m)), strict=True):
-            dx, dy = x1 - x0, y1 - y0
-            part = np.clip(((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-            squared = np.minimum(squared, (x - x0 - part * dx) ** 2 + (y - y0 - part * dy) ** 2)
-        return np.where(self.contains(x, y), -1.0, 1.0) * np.sqrt(squared)
+        return self.outline.distance_m(north_m, east_m)
+
+
+@lru_cache(maxsize=64)
+def _outline_of(rings: tuple[tuple[NorthEast, ...], ...]) -> Outline:
+    return Outline([np.array(ring) for ring in rings])
 
 
 class Bathymetry(Configuration):
@@ -171,11 +183,50 @@ class Bathymetry(Configuration):
             east_m: Eastings, of a shape that goes with it.
         """
         depth = np.array(self.depth_m)
-        i, along = _between_lines(np.array(self.north_m), np.asarray(north_m, float))
-        j, across = _between_lines(np.array(self.east_m), np.asarray(east_m, float))
+        i, along = between_lines(np.array(self.north_m), np.asarray(north_m, float))
+        j, across = between_lines(np.array(self.east_m), np.asarray(east_m, float))
         south = depth[i, j] + across * (depth[i, j + 1] - depth[i, j])
         north = depth[i + 1, j] + across * (depth[i + 1, j + 1] - depth[i + 1, j])
         return np.asarray(south + along * (north - south))
+
+
+class Place(Configuration):
+    """A place of a water that has a name.
+
+    One who writes it may leave out latitude and longitude, or north and east.
+    """
+
+    name: str = Field(min_length=1, max_length=60, title="Name")
+    """What operators call it."""
+    kind: Literal["dock", "beacon", "receiver", "landmark"] = "landmark"
+    """What is there."""
+    latitude_deg: float = quantity(..., "deg", title="Latitude", ge=-90.0, le=90.0)
+    """WGS84 latitude."""
+    longitude_deg: float = quantity(..., "deg", title="Longitude", ge=-180.0, le=180.0)
+    """WGS84 longitude."""
+    north_m: float = quantity(..., "m", title="North")
+    """Northing in the site frame."""
+    east_m: float = quantity(..., "m", title="East")
+    """Easting in the site frame."""
+    depth_m: float = quantity(0.0, "m", title="Depth", ge=0.0, le=12_000.0)
+    """Depth below the surface."""
+
+
+class ChartSummary(Configuration):
+    """What is kept of a water as a chart, beside its document (``autonomy.chart``)."""
+
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+    """Name of the chart: what its content gives."""
+    corners: int = Field(ge=0)
+    """Corners of the shoreline and the islands; 0 without an outline."""
+    islands: int = Field(ge=0)
+    """Islands in the shoreline."""
+    rows: int = Field(ge=0)
+    """North lines of the depth grid; 0 without one."""
+    columns: int = Field(ge=0)
+    """East lines of the depth grid."""
+    spacing_m: float = Field(ge=0.0)
+    """Largest distance between two lines; 0 without a depth grid."""
 
 
 class Site(Configuration):
@@ -196,11 +247,83 @@ class Site(Configuration):
     radio_under_water: bool
     """Whether radio reaches a submerged robot (a shallow tank) or only a surfaced one."""
     variable: str
-    """The field that a survey maps here, a key of ``autonomy.field.variable``."""
+    """The field that a survey maps here, a key of the catalogue of channels."""
     shoreline: Area | None = None
-    """Outline of the water inside of the box; without one the box is all water."""
+    """Outline of the water inside of the box; without one the box is all water. Beside a chart a
+    simpler one that leaves the chart's water nowhere."""
     bathymetry: Bathymetry | None = None
-    """Depth of the floor; without one the floor is flat, as deep as the box."""
+    """Depth of the floor; without one the floor is flat, as deep as the box. Beside a chart a
+    coarser one that is nowhere deeper."""
+    islands: Annotated[tuple[Area, ...], Field(max_length=_AREAS_MAX)] = ()
+    """Land inside of the shoreline, at most 64 areas."""
+    keep_outs: Annotated[tuple[Area, ...], Field(max_length=_AREAS_MAX)] = ()
+    """Where no robot may plan to be, whatever the survey, at most 64 areas."""
+    places: Annotated[tuple[Place, ...], Field(max_length=_PLACES_MAX)] = ()
+    """Docks, beacons, receivers and landmarks, at most 500."""
+    depth_datum: str = Field(default="", max_length=200)
+    """In words, what the depths count from, such as ``mean lower low water``."""
+    tide_offset_m: float = Field(default=0.0, ge=-20.0, le=20.0)
+    """How much higher the surface is taken to stand than the depths' datum, m: the floor is so
+    much deeper than the depths say."""
+    chart: ChartSummary | None = None
+    """Outline and depths in full, where they are too large for this document."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_both_positions(cls, value: Any) -> Any:  # noqa: ANN401 - whatever is validated
+        """Give places that tell one kind of position the other."""
+        if not isinstance(value, Mapping):
+            return value
+        places, origin = value.get("places"), [value.get(name) for name in _ORIGIN]
+        if not isinstance(places, list | tuple) or not _are_numbers(origin):
+            return value
+        return {**value, "places": [_both_positions(place, origin) for place in places]}
+
+    @model_validator(mode="after")
+    def _has_different_names(self) -> Self:
+        for field in ("islands", "keep_outs", "places"):
+            names = [each.name for each in getattr(self, field)]
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None and field != "islands":
+                raise ValueError(f"{field} must have different names, but two are {twice!r}")
+        for number, place in enumerate(self.places):
+            at = ned_from_wgs84(place.latitude_deg, place.longitude_deg, *self._origin)
+            apart_m = math.dist(at.tolist(), (place.north_m, place.east_m))
+            if apart_m > _SAME_PLACE_M:
+                raise ValueError(
+                    f"places.{number} ({place.name}) is at two places, {apart_m:.3g} m apart:"
+                    " give latitude and longitude, or north and east"
+                )
+        return self
+
+    @property
+    def _origin(self) -> tuple[float, float]:
+        return self.origin_latitude_deg, self.origin_longitude_deg
+
+    @property
+    def _charted(self) -> Chart | None:
+        """The chart, where this process has it."""
+        return None if self.chart is None else CHARTS.find(self.chart.sha256)
+
+    @property
+    def shore(self) -> Outline | None:
+        """Shoreline and islands as well as they are known here; None where the box is the shore."""
+        chart = self._charted
+        if chart is not None and chart.shore is not None:
+            return chart.shore
+        if self.shoreline is None:
+            return None
+        return _outline_of((self.shoreline.corners_m, *(area.corners_m for area in self.islands)))
+
+    @property
+    def depth_lines(self) -> tuple[FloatArray, FloatArray] | None:
+        """Northings and eastings between which the floor is bilinear; None where it is flat."""
+        chart = self._charted
+        if chart is not None and chart.depths is not None:
+            return chart.depths.north_m, chart.depths.east_m
+        if self.bathymetry is None:
+            return None
+        return np.array(self.bathymetry.north_m), np.array(self.bathymetry.east_m)
 
     def floor_m(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> FloatArray:
         """Return the depth of the floor, never deeper than the box of water, 0 or less on land.
@@ -209,16 +332,18 @@ class Site(Configuration):
             north_m: Northings, any shape.
             east_m: Eastings, of a shape that goes with it.
         """
-        deepest = self.water.depth_max_m
-        if self.bathymetry is None:
+        deepest, chart = self.water.depth_max_m, self._charted
+        depths = self.bathymetry if chart is None or chart.depths is None else chart.depths
+        if depths is None:
             shape = np.broadcast_shapes(np.shape(north_m), np.shape(east_m))
             return np.full(shape, deepest)
-        return np.minimum(self.bathymetry.floor_m(north_m, east_m), deepest)
+        return np.minimum(depths.floor_m(north_m, east_m) + self.tide_offset_m, deepest)
 
     def clearance_m(self, north_m: float, east_m: float) -> float:
         """Return how far one point of the surface is from the nearest wall or shore.
 
-        Without arrays, for a robot that asks ten times a second about a few points.
+        Without arrays where the outline is short, for a robot that asks ten times a second about
+        a few points.
 
         Args:
             north_m: Its northing.
@@ -231,9 +356,35 @@ class Site(Configuration):
         to_wall = min(
             north_m - box.x_min_m, box.x_max_m - north_m, east_m - box.y_min_m, box.y_max_m - east_m
         )
+        chart = self._charted
+        if chart is not None and chart.shore is not None:
+            return min(to_wall, -float(chart.shore.distance_m(north_m, east_m)))
         if self.shoreline is None:
             return to_wall
-        return min(to_wall, _depth_within(self.shoreline.corners_m, north_m, east_m))
+        to_land = [_depth_within(area.corners_m, north_m, east_m) for area in self.islands]
+        to_shore = _depth_within(self.shoreline.corners_m, north_m, east_m)
+        return min(to_wall, to_shore, *(-inside for inside in to_land))
+
+
+def _are_numbers(values: Sequence[object]) -> bool:
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+
+
+def _both_positions(place: Any, origin: list[Any]) -> Any:  # noqa: ANN401 - whatever is validated
+    """Return a place's fields with those that its others tell."""
+    if not isinstance(place, Mapping):
+        return place
+    globe, frame = (
+        [cast(Any, place.get(name)) for name in names]
+        for names in (("latitude_deg", "longitude_deg"), ("north_m", "east_m"))
+    )
+    if frame == [None, None] and _are_numbers(globe):
+        north, east = ned_from_wgs84(globe[0], globe[1], *origin).tolist()
+        return {**place, "north_m": north, "east_m": east}
+    if globe == [None, None] and _are_numbers(frame):
+        latitude, longitude = wgs84_from_ned(frame, *origin).tolist()
+        return {**place, "latitude_deg": latitude, "longitude_deg": longitude}
+    return place
 
 
 def _depth_within(corners: tuple[NorthEast, ...], x: float, y: float) -> float:
@@ -249,34 +400,6 @@ def _depth_within(corners: tuple[NorthEast, ...], x: float, y: float) -> float:
             is_inside ^= x < x0 + (y - y0) * dx / dy
         x0, y0 = x1, y1
     return math.sqrt(squared) if is_inside else -math.sqrt(squared)
-
-
-def _sides(corners: FloatArray) -> FloatArray:
-    """Return where each side begins and ends, shape ``(2, n, 2)``."""
-    return np.stack([corners, np.roll(corners, -1, axis=0)])
-
-
-def _cross(first: FloatArray, second: FloatArray) -> bool:
-    """Tell whether two segments, shape ``(2, 2)`` each, have a point in common."""
-    a, b = first
-    c, d = second
-    if (np.maximum(a, b) < np.minimum(c, d)).any() or (np.maximum(c, d) < np.minimum(a, b)).any():
-        return False
-    return _turn(a, b, c) * _turn(a, b, d) <= 0.0 and _turn(c, d, a) * _turn(c, d, b) <= 0.0
-
-
-def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    """Return the sign of the turn from the way a-b to the way a-c; 0 on one line."""
-    return float(np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])))
-
-
-def _between_lines(
-    lines: FloatArray, values: FloatArray
-) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return the line below each value, and how far (0..1) the value is on to the next."""
-    below = np.clip(np.searchsorted(lines, values, side="right") - 1, 0, len(lines) - 2)
-    part = (values - lines[below]) / (lines[below + 1] - lines[below])
-    return below, np.clip(part, 0.0, 1.0)
 
 
 TANK = Site(

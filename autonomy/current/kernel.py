@@ -44,6 +44,8 @@ from autonomy.current.config import CurrentMapConfig
 """Places of the packed settings; from ``TIDES`` on, a standard deviation and a period, s, each."""
 EARTH_RATE_RAD_S = 7.2921159e-5
 _S_IN_H = 3600.0
+_JITTER = 1e-9
+_JITTER_TRIES = 2
 _BLOCK = 40_000
 """Pairs of points that are worked on at once, so that they stay in the processor's cache."""
 
@@ -196,3 +198,17 @@ def prior_blocks(functionals: Functionals, parameters: FloatArray) -> FloatArray
         if part is not None:
             found[:, row, column] = np.einsum("nk,nkq,nq->n", weights, part, weights)
     return found
+
+
+def factor_of(covariance: FloatArray) -> FloatArray | None:
+    """Return the lower Cholesky factor of a covariance, helped twice if need be; None without."""
+    if not len(covariance):
+        return covariance
+    help_m2 = _JITTER * float(np.trace(covariance)) / len(covariance)
+    for tries in range(_JITTER_TRIES + 1):
+        try:
+            helped = covariance + tries * help_m2 * np.eye(len(covariance))
+            return np.asarray(np.linalg.cholesky(helped), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            continue
+    return None

@@ -18,11 +18,12 @@ from autonomy.current.kernel import (
     SHEAR_STD,
     TIDES,
     Functionals,
+    factor_of,
     gram_of,
     joined,
     packed,
 )
-from autonomy.current.model import Observation, factor_of
+from autonomy.current.model import Observation
 
 _PRIOR_STD = 1.0
 """Standard deviation of the logarithm of each number about its configured value."""

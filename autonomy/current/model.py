@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from autonomy.arrays import FloatArray
+from autonomy.current.belief import Belief
 from autonomy.current.config import CurrentMapConfig
 from autonomy.current.kernel import (
     BASIN_STD,
@@ -31,12 +32,14 @@ from autonomy.current.kernel import (
     Functionals,
     at_points,
     cross_gram,
+    factor_of,
     gram_of,
     joined,
     packed,
     prior_blocks,
 )
 from autonomy.current.table import TABLE_SHAPE, FlowRecord
+from autonomy.current.told import ToldCurrent
 from autonomy.estimation.config import FASTEST_CURRENT_M_S
 from autonomy.site import Box
 
@@ -49,8 +52,6 @@ _LIVES = 5.0
 _TRACK_ROUNDS = 2
 _CARRIAGE_ROUNDS = 3
 _CARRIAGE_POINTS = 24
-_JITTER = 1e-9
-_JITTER_TRIES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,6 +190,7 @@ class CurrentMap:
         self._alpha = np.zeros(0)
         self._fitted: list[Functionals] = []
         """What the last good factor is of."""
+        self._belief: Belief | None = None
         self._set(learned)
 
     def _set(self, learned: CurrentMapConfig | None) -> None:
@@ -200,6 +202,26 @@ class CurrentMap:
     def observations(self) -> tuple[Observation, ...]:
         """What the map is made of, in the order of their ends."""
         return tuple(self._observations)
+
+    @property
+    def told(self) -> ToldCurrent | None:
+        """What somebody tells of the current besides."""
+        return None if self._belief is None else self._belief.told
+
+    @property
+    def belief(self) -> float:
+        """How far the dives let one believe what is told, 0 to 1; 0 where nothing is."""
+        return 0.0 if self._belief is None else self._belief.share
+
+    def tell(self, told: ToldCurrent | None) -> None:
+        """Take what somebody tells of the current: the mean where dives do not tell otherwise."""
+        self._belief = None if told is None else Belief(told)
+        self._fit()
+
+    def is_told(self, time_s: float) -> bool:
+        """Tell whether somebody tells of the current at a moment, s since the epoch."""
+        told = self.told
+        return told is not None and told.field.from_s <= time_s <= told.field.until_s
 
     @property
     def oldest_s(self) -> float:
@@ -263,6 +285,7 @@ class CurrentMap:
         copy._functionals = list(self._functionals)
         copy._prior, copy._factor, copy._alpha = self._prior, self._factor, self._alpha
         copy._fitted = list(self._fitted)
+        copy._belief = self._belief
         return copy
 
     def relearned(self, learned: CurrentMapConfig | None) -> None:
@@ -289,7 +312,7 @@ class CurrentMap:
 
     def mean_flow(self, points: FloatArray) -> FloatArray:
         """Return the mean current at points, shape ``(n, 2)``; quicker than ``flow``."""
-        return self._mean(self._shifted(at_points(points)), self._parameters)
+        return self._joint_mean(self._shifted(at_points(points)))
 
     def tide(self, points: FloatArray) -> FloatArray:
         """Return the mean of the tidal part of the current at points, shape ``(n, 2)``."""
@@ -316,7 +339,7 @@ class CurrentMap:
         share = ((time_s - time_s[0]) / (time_s[-1] - time_s[0]))[:, None]
         track = position_ned.copy()
         for _ in range(_TRACK_ROUNDS):
-            mean = self._mean(self._shifted(integral_along(time_s, track)), self._parameters)
+            mean = self._joint_mean(self._shifted(integral_along(time_s, track)))
             track[:, :2] = position_ned[:, :2] + share * mean
         found, cov = self._condition(self._shifted(integral_along(time_s, track)))
         return Displacement(found[0], cov[0] + noise_variance_m2 * np.eye(2))
@@ -392,7 +415,7 @@ class CurrentMap:
 
     def _fit(self) -> bool:
         """Factor the covariance of what was observed; False, and no change, if it has no factor."""
-        noise = np.repeat([self._noise(one) for one in self._observations], 2)
+        noise = np.repeat(np.array([self._noise(one) for one in self._observations]), 2)
         factor = factor_of(self._prior + np.diag(noise))
         if factor is None:
             return False
@@ -400,6 +423,10 @@ class CurrentMap:
         self._factor = factor
         self._alpha = cho_solve((factor, True), told, check_finite=False)
         self._fitted = list(self._functionals)
+        if self._belief is not None:
+            self._belief = self._belief.fitted(
+                self._fitted, told, self._prior, noise, self.prior_std_m_s(), self._origin_s or 0.0
+            )
         return True
 
     def _shifted(self, functionals: Functionals) -> Functionals:
@@ -414,8 +441,20 @@ class CurrentMap:
         cross = cross_gram(wanted, joined(self._fitted), parameters)  # (2p, 2n)
         return (cross @ self._alpha).reshape(-1, 2)
 
+    def _joint_mean(self, wanted: Functionals) -> FloatArray:
+        if self._belief is None:
+            return self._mean(wanted, self._parameters)
+        return self._condition(wanted)[0]
+
     def _condition(self, wanted: Functionals) -> tuple[FloatArray, FloatArray]:
         """Return mean ``(p, 2)`` and covariance ``(p, 2, 2)`` of functionals."""
+        mean, cov = self._own(wanted)
+        if self._belief is None:
+            return mean, cov
+        return self._belief.joint(wanted, mean, cov, self._parameters, self._origin_s or 0.0)
+
+    def _own(self, wanted: Functionals) -> tuple[FloatArray, FloatArray]:
+        """Return what the dives alone tell of functionals."""
         prior = prior_blocks(wanted, self._parameters)
         if not self._fitted:
             return np.zeros((len(wanted), 2)), prior
@@ -424,20 +463,6 @@ class CurrentMap:
         known = solve_triangular(self._factor, cross, lower=True, check_finite=False)
         known = known.reshape(len(known), -1, 2)  # (2n, p, 2)
         return mean, prior - np.einsum("npi,npj->pij", known, known)
-
-
-def factor_of(covariance: FloatArray) -> FloatArray | None:
-    """Return the lower Cholesky factor of a covariance, helped twice if need be; None without."""
-    if not len(covariance):
-        return covariance
-    help_m2 = _JITTER * float(np.trace(covariance)) / len(covariance)
-    for tries in range(_JITTER_TRIES + 1):
-        try:
-            helped = covariance + tries * help_m2 * np.eye(len(covariance))
-            return np.asarray(np.linalg.cholesky(helped), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            continue
-    return None
 
 
 def tabulate(

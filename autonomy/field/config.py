@@ -1,5 +1,6 @@
 """Settings of a field map: model, kernel of each fidelity level, grid; presets per variable."""
 
+import re
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -7,8 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import CHANNELS, KEY_PATTERN, Channel, Scale
 from autonomy.configuration import Configuration, quantity
-from autonomy.field.variable import VARIABLES, Scale
+from autonomy.field.scale import to_model
 
 KernelShape = Literal["matern12", "matern32", "matern52", "squared_exponential"]
 LARGEST_FACTOR = 10.0
@@ -73,14 +75,19 @@ class LearningConfig(Configuration):
 class FieldConfig(Configuration):
     """How the map of one variable is made."""
 
-    variable: str = quantity("blue_light", title="Variable")
-    """The mapped quantity, a key of ``autonomy.field.variable``."""
+    variable: str = quantity("blue_light", title="Channel")
+    """The mapped quantity: the key of a channel."""
     model: FieldModelKey = quantity("position_noise", title="Model")
     """The single model takes every position for exact. The recursive one of the thesis and the
     joint auto-regressive one have a Gaussian process per level of position uncertainty. The model
     with position-dependent noise counts how much a sample taken elsewhere than believed differs."""
     scale: Literal["variable", "linear", "log"] = quantity("variable", title="Scale", advanced=True)
-    """Whether the model sees values or their logarithms; "variable" is the variable's own."""
+    """Whether the model sees values or their logarithms; "variable" is the channel's own."""
+    log_floor: float | None = quantity(
+        None, title="Least value of the logarithm", gt=0.0, le=1e6, advanced=True
+    )
+    """Where the model sees logarithms, a value below this is read as this; without one half of the
+    last digit that the channel is shown with."""
     prior_mean: float = quantity(0.0, title="Prior mean", ge=-1e6, le=1e6, advanced=True)
     """Value of the field where nothing was measured, at the frame's origin, in its scale."""
     slope_north_per_m: float = quantity(
@@ -171,8 +178,8 @@ class FieldConfig(Configuration):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.variable not in VARIABLES:
-            raise ValueError(f"variable must be one of {', '.join(VARIABLES)}")
+        if not re.fullmatch(KEY_PATTERN, self.variable):
+            raise ValueError(f"variable must be the key of a channel; is {self.variable[:50]!r}")
         thresholds = self.fidelity_thresholds_m
         if len(thresholds) != len(self.levels) - 1:
             raise ValueError("fidelity_thresholds_m needs one number fewer than levels")
@@ -192,9 +199,28 @@ class FieldConfig(Configuration):
             raise ValueError("fidelity_thresholds_m must ascend")
         return self
 
+    def for_channel(self, channel: Channel) -> "FieldConfig":
+        """Return the same settings with the scale of their channel where they leave it to that."""
+        floor = channel.log_floor if self.log_floor is None else self.log_floor
+        scale = channel.scale if self.scale == "variable" else self.scale
+        return self.model_copy(update={"scale": scale, "log_floor": floor})
+
     def resolved_scale(self) -> Scale:
-        """Return the scale in which the model sees values."""
-        return VARIABLES[self.variable].scale if self.scale == "variable" else self.scale
+        """Return the scale in which the model sees values.
+
+        Raises:
+            KeyError: If that is left to a channel of a team's own; see ``for_channel``.
+        """
+        return CHANNELS[self.variable].scale if self.scale == "variable" else self.scale
+
+    def in_model_scale(self, values: FloatArray) -> FloatArray:
+        """Bring measured values of any shape to the scale in which the model sees them.
+
+        Raises:
+            KeyError: As ``resolved_scale``.
+        """
+        floor = CHANNELS[self.variable].log_floor if self.log_floor is None else self.log_floor
+        return to_model(self.resolved_scale(), values, floor)
 
     def prior_mean_at(self, points: FloatArray) -> FloatArray:
         """Return the linear prior mean at NED points ``(n, 3)``, in the model's scale, ``(n,)``."""

@@ -19,6 +19,7 @@ def water_mask(site: Site, points: FloatArray) -> BoolArray:
     inside = (depth >= 0.0) & (depth <= floor_m) & (floor_m > 0.0)
     inside &= (north >= box.x_min_m) & (north <= box.x_max_m)
     inside &= (east >= box.y_min_m) & (east <= box.y_max_m)
-    if site.shoreline is not None:
-        inside &= site.shoreline.contains(north, east)
+    shore = site.shore
+    if shore is not None:
+        inside &= shore.contains(north, east)
     return inside

@@ -3,16 +3,16 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import Scale
-
-SMALLEST_OF_LOG = 0.5
-"""A value below this is read as this in the logarithmic scale: half a count of a converter."""
+from autonomy.channel import Scale
 
 
-def to_model(scale: Scale, values: FloatArray) -> FloatArray:
-    """Bring measured values of any shape, in the variable's unit, to the model's scale."""
+def to_model(scale: Scale, values: FloatArray, log_floor: float) -> FloatArray:
+    """Bring measured values of any shape, in the variable's unit, to the model's scale.
+
+    On the logarithmic one a value below ``log_floor`` is read as that.
+    """
     if scale == "log":
-        return np.log(np.maximum(values, SMALLEST_OF_LOG))
+        return np.log(np.maximum(values, log_floor))
     return np.asarray(values, dtype=np.float64)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import CHANNELS
 from autonomy.field.scale import from_model, to_model
-from autonomy.field.variable import VARIABLES
 
 LARGEST_COUNT = 4095.0
 """Full scale of the light sensor's 12-bit converter."""
@@ -45,8 +45,9 @@ def measurement_noise(variable_key: str) -> float:
 
 def measure(variable_key: str, points: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return noisy measurements of the field, in the variable's unit, shape ``(n,)``."""
-    scale = VARIABLES[variable_key].scale
-    exact = to_model(scale, truth(variable_key, points))
+    channel = CHANNELS[variable_key]
+    scale = channel.scale
+    exact = to_model(scale, truth(variable_key, points), channel.log_floor)
     noise = measurement_noise(variable_key) * rng.standard_normal(exact.shape)
     noisy = from_model(scale, exact + noise)
     return np.minimum(noisy, LARGEST_COUNT) if variable_key == "blue_light" else noisy

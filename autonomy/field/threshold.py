@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import Scale
+from autonomy.channel import Scale
 
 _NUGGETS = (1e-10, 1e-8, 1e-6)
 """Parts of the largest variance that are added until a covariance has a factor."""

@@ -11,7 +11,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.detour import shortest_way
 from autonomy.planner.leg import primitive
 from autonomy.planner.leg.edge import legs_duration_s, legs_energy, planned_points, refitted
-from autonomy.planner.leg.waterway import Waterway, depth_at, waterway_of
+from autonomy.planner.leg.waterway import Waterway, closed_areas, depth_at, waterway_of
 from autonomy.planner.outcome import least_spending, sentence, spending
 from autonomy.planner.plan import Candidate, Leg, PlanResult
 from autonomy.site import NorthEast, Site
@@ -53,7 +53,8 @@ def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None)
     """
     if not all(map(math.isfinite, start_xy)):
         return Approach(start_xy, refusal="The robot's position is unknown.")
-    for area in config.keep_outs:
+    closed = closed_areas(config, site)
+    for area in closed:
         if area.contains(*start_xy):
             return Approach(
                 start_xy,
@@ -70,12 +71,11 @@ def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None)
             refusal="Nowhere in the domain is the water deep enough, off shore, floor and "
             "keep-outs by their margins.",
         )
-    shoreline = None if site is None else site.shoreline
     for goal in goals:
-        corners = shortest_way(start_xy, goal, config.keep_outs, shoreline, config.margin_m)
+        corners = shortest_way(start_xy, goal, closed, site, config.margin_m)
         if corners is not None:
             return _swims(config, start_xy, _cut(config, waterway, start_xy, corners))
-    names = ", ".join(f'"{area.name}"' for area in config.keep_outs)
+    names = ", ".join(f'"{area.name}"' for area in closed)
     return Approach(
         start_xy,
         refusal="The robot cannot swim into the domain without crossing "

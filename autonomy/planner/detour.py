@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.outline import Outline
 from autonomy.planner.check.clearance import clearance_m
-from autonomy.site import Area, NorthEast
+from autonomy.site import Area, NorthEast, Site
 
 _EXPANSIONS_MAX = 40
 """Corners from which the way on is looked for, before the search is given up."""
@@ -22,7 +23,7 @@ def shortest_way(
     start: NorthEast,
     goal: NorthEast,
     keep_outs: Sequence[Area],
-    shoreline: Area | None,
+    site: Site | None,
     margin_m: float,
 ) -> tuple[NorthEast, ...] | None:
     """Return the corners of the shortest way found, the start left out, or None if none was.
@@ -32,13 +33,15 @@ def shortest_way(
             that the start has. It may lie beyond the shoreline, which then does not count.
         goal: Where it leads.
         keep_outs: Areas to stay outside of.
-        shoreline: Area to stay inside of.
+        site: The water to stay inside of.
         margin_m: Least distance from their outlines.
     """
-    is_free = _freedom(start, keep_outs, shoreline, margin_m)
+    is_free = _freedom(start, keep_outs, None if site is None else site.shore, margin_m)
     if is_free(start, goal):
         return (goal,)
-    areas = [*keep_outs, *([] if shoreline is None else [shoreline])]
+    areas = [*keep_outs]
+    if site is not None:
+        areas += [*site.islands, *([] if site.shoreline is None else [site.shoreline])]
     places = [start, goal]
     for area in areas:
         places += _corners(area, _BEYOND * margin_m + _LEAST_M)
@@ -74,12 +77,12 @@ def _unwound(places: list[NorthEast], before: dict[int, int]) -> tuple[NorthEast
 
 
 def _freedom(
-    start: NorthEast, keep_outs: Sequence[Area], shoreline: Area | None, margin_m: float
+    start: NorthEast, keep_outs: Sequence[Area], shore: Outline | None, margin_m: float
 ) -> Callable[[NorthEast, NorthEast], bool]:
     """Return what tells whether a straight way is free."""
-    borders = [(area, 1.0) for area in keep_outs]
-    if shoreline is not None and shoreline.distance_m(*start) < 0.0:
-        borders.append((shoreline, -1.0))
+    borders = [(area.outline, 1.0) for area in keep_outs]
+    if shore is not None and shore.contains(*start):
+        borders.append((shore, -1.0))
     limits = [
         (area, side, min(margin_m, float(side * area.distance_m(*start)))) for area, side in borders
     ]
@@ -87,9 +90,10 @@ def _freedom(
     def is_free(a: NorthEast, b: NorthEast) -> bool:
         way: FloatArray = np.array([a, b])
         for area, side, margin in limits:
-            if (side * area.distance_m(way[:, 0], way[:, 1])).min() < margin - 1e-9:
+            distances = side * area.distance_m(way[:, 0], way[:, 1], margin_m + 1.0)
+            if distances.min() < margin - 1e-9:
                 return False
-            clearance = clearance_m(area, way)
+            clearance = clearance_m(area, way, margin_m + 1.0)
             if clearance <= 0.0 or clearance < margin - 1e-9:
                 return False
         return True

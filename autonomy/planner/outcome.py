@@ -17,7 +17,7 @@ from autonomy.planner.leg.edge import (
     surfacings,
 )
 from autonomy.planner.leg.primitive import energy
-from autonomy.planner.leg.waterway import usable_depth_m
+from autonomy.planner.leg.waterway import closed_areas, usable_depth_m
 from autonomy.planner.plan import (
     Candidate,
     Leg,
@@ -26,7 +26,7 @@ from autonomy.planner.plan import (
     PlanStatus,
     PrimitiveKind,
 )
-from autonomy.site import Area, Site
+from autonomy.site import Site
 
 _PROGRESS_PERIOD_S = 0.2
 _MINUTE_S = 60.0
@@ -201,8 +201,8 @@ def _misplaced(config: PlannerConfig, start_xy: tuple[float, float], site: Site 
     if usable_depth_m(config, site, np.array([x]), np.array([y]))[0] >= 0.0:
         return ""
     place = f"the start ({x:.2f} m north, {y:.2f} m east)"
-    for area in config.keep_outs:
-        away = _distance(area, x, y)
+    for area in closed_areas(config, site):
+        away = float(area.distance_m(x, y))
         if away < 0.0:
             return f"{place} is inside the keep-out {area.name}"
         if away < config.margin_m:
@@ -210,17 +210,13 @@ def _misplaced(config: PlannerConfig, start_xy: tuple[float, float], site: Site 
                 f"{place} is {away:.2g} m from the keep-out {area.name}; "
                 f"the margin is {config.margin_m:g} m"
             )
-    if site is not None and site.shoreline is not None:
-        off_shore = -_distance(site.shoreline, x, y)
+    if site is not None and site.shore is not None:
+        off_shore = -float(site.shore.distance_m(x, y))
         if 0.0 <= off_shore < config.margin_m:
             return (
                 f"{place} is {off_shore:.2g} m from the shore; the margin is {config.margin_m:g} m"
             )
     return f"{place} is not in the water"
-
-
-def _distance(area: Area, x: float, y: float) -> float:
-    return float(area.distance_m(x, y))
 
 
 def _too_dear(config: PlannerConfig, budget: float) -> str:

@@ -20,7 +20,6 @@ from autonomy.field.model.position_noise import PositionNoise
 from autonomy.field.model.recursive import RecursiveGaussianProcess
 from autonomy.field.reckoning import error_scale
 from autonomy.field.samples import FieldSamples, checked
-from autonomy.field.scale import to_model
 from autonomy.field.thinning import space_filling
 
 MOST_SAMPLES = 1000
@@ -63,7 +62,7 @@ def learn_config(
         ValueError: If a sample is not usable, with its number.
     """
     used = _thinned(config, checked(samples))
-    values = to_model(config.resolved_scale(), used.values)
+    values = config.in_model_scale(used.values)
     if len(used) < 2:
         return _kept(config, "Learning needs at least two samples; the kernels stay.")
     if float(np.ptp(values)) == 0.0:
@@ -107,7 +106,7 @@ class _Work:
         """Values less the prior mean; the whole values where the mean is learned too."""
         if self.config.learning.mean == "fixed":
             return centred_values(self.config, self.samples)
-        return to_model(self.config.resolved_scale(), self.samples.values)
+        return self.config.in_model_scale(self.samples.values)
 
     @property
     def age(self) -> FloatArray | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
+from autonomy.channel import Channel
 from autonomy.field.config import FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
 from autonomy.field.learning.level import learn
@@ -16,7 +17,6 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.field.thinning import space_filling
-from autonomy.field.variable import VARIABLES
 from autonomy.site import Box
 
 _FEWEST_SAMPLES = 20
@@ -49,7 +49,7 @@ class RecordedFit:
 
 
 def fit_recording(
-    variable_key: str,
+    channel: Channel,
     points: FloatArray,
     values: FloatArray,
     rng: np.random.Generator,
@@ -67,9 +67,9 @@ def fit_recording(
     track, not far from it.
 
     Args:
-        variable_key: A key of ``autonomy.field.variable``.
+        channel: What was measured.
         points: Where the samples were taken, NED, shape ``(n, 3)``, m.
-        values: Measurements in the variable's unit, shape ``(n,)``.
+        values: Measurements in the channel's unit, shape ``(n,)``.
         rng: Chooses the samples held out.
         depth_limit_m: Deeper samples are left out: below the sunlit layer a field such as
             chlorophyll is another process.
@@ -80,7 +80,7 @@ def fit_recording(
         ValueError: If a number is not finite, or fewer than 20 samples are above the limit.
     """
     used = _usable(points, values, depth_limit_m)
-    points, seen = points[used], to_model(VARIABLES[variable_key].scale, values[used])
+    points, seen = points[used], to_model(channel.scale, values[used], channel.log_floor)
     mean, std = float(np.mean(seen)), max(float(np.std(seen)), 1e-9)
     standard = (seen - mean) / std
     extent = np.maximum(np.ptp(points, axis=0), 1.0)
@@ -100,7 +100,7 @@ def fit_recording(
         floor=_NOISE_FLOOR,
     )
     return RecordedFit(
-        config=_config_of(variable_key, kernel, mean, std),
+        config=_config_of(channel, kernel, mean, std),
         box=_box_around(points),
         scores=_scores(kernel, known, Part(points[held_out], standard[held_out])),
         value_std=std,
@@ -159,7 +159,7 @@ def _scores(kernel: KernelParameters, known: Part, held_out: Part) -> Scores:
     return score(process.mean(targets), covariance, held_out.values)
 
 
-def _config_of(variable_key: str, kernel: KernelParameters, mean: float, std: float) -> FieldConfig:
+def _config_of(channel: Channel, kernel: KernelParameters, mean: float, std: float) -> FieldConfig:
     """Return the single model of a kernel learned from values less ``mean``, over ``std``."""
     scaled = kernel.model_copy(
         update={
@@ -168,14 +168,14 @@ def _config_of(variable_key: str, kernel: KernelParameters, mean: float, std: fl
         }
     )
     return FieldConfig(
-        variable=variable_key,
+        variable=channel.key,
         model="single",
         prior_mean=mean,
         single=scaled,
         levels=(scaled,),
         fidelity_thresholds_m=(),
         grid=GridShape(x=20, y=20, z=20),
-    )
+    ).for_channel(channel)
 
 
 def _box_around(points: FloatArray) -> Box:

@@ -12,7 +12,6 @@ from autonomy.field.model.joint import JointGaussianProcess
 from autonomy.field.model.position_noise import PositionNoiseGaussianProcess, Told
 from autonomy.field.model.recursive import RecursiveGaussianProcess
 from autonomy.field.samples import FieldSamples
-from autonomy.field.scale import to_model
 
 
 class FieldModel(Protocol):
@@ -114,7 +113,7 @@ def condition(
 
 def centred_values(config: FieldConfig, samples: FieldSamples) -> FloatArray:
     """Return values in the model's scale, less the prior mean, shape ``(n,)``."""
-    seen = to_model(config.resolved_scale(), samples.values)
+    seen = config.in_model_scale(samples.values)
     return seen - config.prior_mean_at(samples.points)
 
 

@@ -1,15 +1,19 @@
 """How far a way stays from shores, keep-outs and the floor, exactly."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.outline import Outline
 from autonomy.planner.leg import drift
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import Area, Site
 
 _CHORD_RAD = 0.02
+_PAIRS_MAX = 1_000_000
+"""Corners of a way times sides of an outline that are compared at once."""
 _ENDS = 2
 """Corners of a straight way."""
 _FLOOR_POINTS = 9
@@ -36,24 +40,53 @@ def true_way(leg: Leg, course: drift.Course) -> FloatArray:
     return np.array([drift.position_at(leg, course, float(part)) for part in parts])
 
 
-def clearance_m(area: Area, way: FloatArray) -> float:
+def clearance_m(area: Area | Outline, way: FloatArray, within_m: float = math.inf) -> float:
     """Return the least horizontal distance between a way and an area's outline, 0 if they meet.
 
     Args:
         area: The area.
         way: Corners of the way, shape ``(m, 2)`` or more columns.
+        within_m: Distance beyond which the answer may be infinite; the nearer, the faster.
     """
-    corners = np.array(area.corners_m)
-    following = np.roll(corners, -1, axis=0)
+    outline = area.outline if isinstance(area, Area) else area
+    low, high = way[:, :2].min(axis=0), way[:, :2].max(axis=0)
+    corners, following = outline.sides_near(low - within_m, high + within_m)
+    if not len(corners):
+        return math.inf
     begins, ends = way[:-1, :2], way[1:, :2]
-    if _meet(begins, ends, corners, following):
-        return 0.0
-    return float(
-        min(
-            _distance(way[:, :2], corners, following).min(),
-            _distance(corners, begins, ends).min(),
+    least = math.inf
+    for part in np.array_split(np.arange(len(corners)), -(-len(corners) * len(way) // _PAIRS_MAX)):
+        one, other = corners[part], following[part]
+        if _meet(begins, ends, one, other):
+            return 0.0
+        tips = np.concatenate([one, other])
+        least = min(
+            least,
+            float(_distance(way[:, :2], one, other).min()),
+            float(_distance(tips, begins, ends).min()),
         )
-    )
+    return least
+
+
+def nearest_m(area: Area | Outline, way: FloatArray, side: float) -> float:
+    """Return how near a way comes to an outline; not above 0 if it crosses that.
+
+    Args:
+        area: What to keep away from.
+        way: Corners of the way, shape ``(m, 2)`` or more columns.
+        side: 1 if the way must stay outside, -1 if inside.
+    """
+    outline = area.outline if isinstance(area, Area) else area
+    extent = float(np.ptp(outline.begins, axis=0).max()) + float(np.ptp(way[:, :2], axis=0).max())
+    reach, distance = extent / 256.0, math.inf
+    while distance > reach and reach < 512.0 * extent:
+        distance = clearance_m(outline, way, reach)
+        reach *= 4.0
+    is_wrong = outline.contains(way[:, 0], way[:, 1]) == (side > 0.0)
+    if is_wrong.any():
+        beyond = way[is_wrong]
+        return min(distance, -float(np.abs(outline.distance_m(beyond[:, 0], beyond[:, 1])).max()))
+    return distance
 
 
 def floor_contact(site: Site, way: FloatArray) -> FloorContact:
@@ -76,12 +109,12 @@ def floor_contact(site: Site, way: FloatArray) -> FloorContact:
 def _parts_over_lines(site: Site, begin: FloatArray, end: FloatArray) -> FloatArray:
     """Return the parts (0..1) of a piece at which to look: in and between crossed lines."""
     crossings = [np.array([0.0, 1.0])]
-    if site.bathymetry is not None:
-        for axis, lines in enumerate((site.bathymetry.north_m, site.bathymetry.east_m)):
-            change = end[axis] - begin[axis]
-            if change != 0.0:
-                crossings.append((np.array(lines) - begin[axis]) / change)
-    crossed = np.unique(np.clip(np.concatenate(crossings), 0.0, 1.0))
+    for axis, lines in enumerate(site.depth_lines or ()):
+        change = end[axis] - begin[axis]
+        if change != 0.0:
+            parts = (lines - begin[axis]) / change
+            crossings.append(parts[(parts > 0.0) & (parts < 1.0)])
+    crossed = np.unique(np.concatenate(crossings))
     shares = np.linspace(0.0, 1.0, _FLOOR_POINTS)
     between = crossed[:-1, None] + shares * np.diff(crossed)[:, None]
     return np.unique(between)

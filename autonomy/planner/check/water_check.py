@@ -3,12 +3,14 @@
 from collections.abc import Iterator, Sequence
 
 from autonomy.arrays import FloatArray
+from autonomy.outline import Outline
 from autonomy.planner.check.clearance import clearance_m, floor_contact, true_way
 from autonomy.planner.check.violation import Violation, leg_title
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
+from autonomy.planner.leg.waterway import closed_areas
 from autonomy.planner.plan import Leg
-from autonomy.site import Area, Box, Site
+from autonomy.site import Box, Site
 
 _DOMAIN_MARGIN_M = 0.005
 
@@ -60,9 +62,12 @@ def _aground(
     number: int, leg: Leg, way: FloatArray, config: PlannerConfig, site: Site, *, comes_in: bool
 ) -> Iterator[Violation]:
     """Check a leg against keep-outs, shoreline and floor, with their margins."""
-    borders = [(area, f'the keep-out "{area.name}"', 1.0) for area in config.keep_outs]
-    if site.shoreline is not None:
-        borders.append((site.shoreline, f'the shoreline "{site.shoreline.name}"', -1.0))
+    borders = [
+        (area.outline, f'the keep-out "{area.name}"', 1.0) for area in closed_areas(config, site)
+    ]
+    if site.shore is not None:
+        name = "Shore" if site.shoreline is None else site.shoreline.name
+        borders.append((site.shore, f'the shoreline "{name}"', -1.0))
     for area, name, side in borders:
         text = _too_near(area, name, side, way, config.margin_m, comes_in=comes_in)
         if text:
@@ -88,7 +93,7 @@ def _aground(
 
 
 def _too_near(
-    area: Area, name: str, side: float, way: FloatArray, margin_m: float, *, comes_in: bool
+    area: Outline, name: str, side: float, way: FloatArray, margin_m: float, *, comes_in: bool
 ) -> str:
     """Return how a way breaks the margin to an area, "" if it does not.
 
@@ -101,12 +106,13 @@ def _too_near(
         comes_in: Whether the way leads back into the water that may be used: then it may begin
             within the margin, or on the wrong side of a shoreline.
     """
-    distances = side * area.distance_m(way[:, 0], way[:, 1])
+    within_m = margin_m + 1.0
+    distances = side * area.distance_m(way[:, 0], way[:, 1], within_m)
     if comes_in:
         if side < 0.0 and distances[0] <= 0.0:
             return ""
         margin_m = min(margin_m, float(distances[0]))
-    clearance = clearance_m(area, way)
+    clearance = clearance_m(area, way, within_m)
     if clearance <= 0.0 or distances.min() <= -_DOMAIN_MARGIN_M:
         return f"enters {name}" if side > 0.0 else f"goes beyond {name}"
     if clearance < margin_m - _DOMAIN_MARGIN_M:

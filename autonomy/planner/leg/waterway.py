@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import BoolArray, FloatArray
+from autonomy.outline import Outline
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import PositionNed
 from autonomy.site import Area, Site
@@ -45,6 +46,11 @@ class Waterway(NamedTuple):
     x_room: tuple[float, float]
     y_room: tuple[float, float]
     """Where a robot in a current may believe to be, m: its own limits act on what it believes."""
+
+
+def closed_areas(config: PlannerConfig, site: Site | None) -> tuple[Area, ...]:
+    """Return the keep-outs of a survey and those of its water."""
+    return config.keep_outs if site is None else (*config.keep_outs, *site.keep_outs)
 
 
 def usable_depth_m(
@@ -155,12 +161,17 @@ def _cells(begin: float, size: float, cell: float) -> FloatArray:
 def _clearance_m(
     config: PlannerConfig, site: Site | None, x: FloatArray, y: FloatArray
 ) -> FloatArray:
-    """Return the distance to the nearest shore or keep-out, negative on land and inside of one."""
+    """Return the distance to the nearest shore or keep-out, negative on land and inside of one.
+
+    It is told up to a metre more than the margin.
+    """
     clearance = np.full(x.shape, np.inf)
-    if site is not None and site.shoreline is not None:
-        clearance = -site.shoreline.distance_m(x, y)
-    for area in config.keep_outs:
-        clearance = np.minimum(clearance, area.distance_m(x, y))
+    within_m = config.margin_m + 1.0
+    shore = None if site is None else site.shore
+    if shore is not None:
+        clearance = -shore.distance_m(x, y, within_m)
+    for area in closed_areas(config, site):
+        clearance = np.minimum(clearance, area.outline.distance_m(x, y, within_m))
     return clearance
 
 
@@ -169,23 +180,19 @@ def _is_clear(
 ) -> BoolArray:
     """Tell which places are at least so far from shore and keep-outs."""
     clear = np.ones(x.shape, dtype=np.bool_)
-    if site is not None and site.shoreline is not None:
-        clear &= -site.shoreline.distance_m(x, y) >= margin_m
-    for area in config.keep_outs:
-        near = _around(area, x, y, margin_m)
-        clear[near] &= area.distance_m(x[near], y[near]) >= margin_m
+    shore = None if site is None else site.shore
+    if shore is not None:
+        clear &= -shore.distance_m(x, y, margin_m) >= margin_m
+    for area in closed_areas(config, site):
+        near = _around(area.outline, x, y, margin_m)
+        clear[near] &= area.outline.distance_m(x[near], y[near], margin_m) >= margin_m
     return clear
 
 
-def _around(area: Area, x: FloatArray, y: FloatArray, margin_m: float) -> BoolArray:
+def _around(area: Outline, x: FloatArray, y: FloatArray, margin_m: float) -> BoolArray:
     """Tell which places are within a margin of an area's bounding box."""
-    north, east = np.array(area.corners_m).T
-    return (
-        (x > north.min() - margin_m)
-        & (x < north.max() + margin_m)
-        & (y > east.min() - margin_m)
-        & (y < east.max() + margin_m)
-    )
+    (x0, y0), (x1, y1) = area.low.min(axis=0), area.high.max(axis=0)
+    return (x > x0 - margin_m) & (x < x1 + margin_m) & (y > y0 - margin_m) & (y < y1 + margin_m)
 
 
 def _opened(depth: FloatArray) -> FloatArray:
@@ -207,8 +214,7 @@ def _floor_of_cells(
     deepest = config.domain.depth_max_m
     if site is None:
         return np.full((len(lines[0]), len(lines[1])), deepest)
-    survey = site.bathymetry
-    known = ((), ()) if survey is None else (survey.north_m, survey.east_m)
+    known = site.depth_lines or (np.empty(0), np.empty(0))
     axes, windows = zip(
         *(_windows(line, own, cell, slack) for line, own in zip(lines, known, strict=True)),
         strict=True,
@@ -225,11 +231,12 @@ def _floor_of_cells(
 
 
 def _windows(
-    lines: FloatArray, known: tuple[float, ...], cell: float, slack: float
+    lines: FloatArray, known: FloatArray, cell: float, slack: float
 ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
     """Return where to look along one axis, and first and behind-last place of each cell's own."""
     low, high = lines - slack, lines + cell + slack
-    axis = np.unique(np.concatenate([low, high, np.array(known)]))
+    inside = known[(known > low[0]) & (known < high[-1])]
+    axis = np.unique(np.concatenate([low, high, inside]))
     first = np.searchsorted(axis, low)
     behind = np.searchsorted(axis, high, side="right")
     return axis, np.stack([first, behind], axis=1).ravel()

@@ -1,0 +1,1 @@
+"""Acoustic tags of animals: which detections to doubt, and where a tag that rests may be."""
