@@ -1,7 +1,8 @@
 """What travels between a robot and the station, once decoded: frozen values, SI, radians, NED.
 
 ``measured_at`` is the robot's clock, ``received_at`` the station's; both are aware UTC. The fields
-of a state report carry what wires, tables and screens must know of them (``robot_link.channel``).
+of a state report carry what wires, tables and screens must know of them
+(``robot_link.report_field``).
 """
 
 import math
@@ -10,7 +11,7 @@ from datetime import datetime
 from enum import IntEnum, StrEnum
 from typing import Annotated, NewType
 
-from robot_link.channel import Catalogue, Channel, Gauge, Octets, Possible, Recorded, Wire
+from robot_link.report_field import Catalogue, Gauge, Octets, Possible, Recorded, ReportField, Wire
 
 RobotId = NewType("RobotId", str)
 """Operator's name of a robot, such as ``mini-1``: lower case letters, digits and dashes."""
@@ -85,6 +86,10 @@ class CommandKind(StrEnum):
     """Stop pinging the target."""
     PING = "ping"
     """Ping the target again."""
+    ARM = "arm"
+    """Let the motors turn; like ``DISARM`` for vehicles of other makers alone."""
+    DISARM = "disarm"
+    """Stop the motors, wherever the vehicle is."""
 
 
 class CommandLevel(StrEnum):
@@ -106,9 +111,9 @@ class StateReport:
     received_at: datetime
     position_ned: Annotated[
         PositionNed,
-        Channel("north_m", "m", wire=Wire("x"), octets=Octets(0, 4, 1e3)),
-        Channel("east_m", "m", wire=Wire("y"), octets=Octets(1, 4, 1e3)),
-        Channel(
+        ReportField("north_m", "m", wire=Wire("x"), octets=Octets(0, 4, 1e3)),
+        ReportField("east_m", "m", wire=Wire("y"), octets=Octets(1, 4, 1e3)),
+        ReportField(
             "depth_m",
             "m",
             standard_name="depth",
@@ -121,7 +126,7 @@ class StateReport:
     ]
     position_std_m: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="m",
             wire=Wire("position_std"),
             octets=Octets(3, 3, 1e3, signed=False),
@@ -140,10 +145,10 @@ class StateReport:
     """Along the larger axis."""
     velocity_ned: Annotated[
         tuple[float, float, float],
-        Channel("velocity_north_m_s", "m/s", wire=Wire("vx", 1e3), octets=Octets(4, 1, 1e2)),
-        Channel("velocity_east_m_s", "m/s", wire=Wire("vy", 1e3), octets=Octets(5, 1, 1e2)),
-        Channel("velocity_down_m_s", "m/s", wire=Wire("vz", 1e3), octets=Octets(6, 1, 1e2)),
-        Channel(
+        ReportField("velocity_north_m_s", "m/s", wire=Wire("vx", 1e3), octets=Octets(4, 1, 1e2)),
+        ReportField("velocity_east_m_s", "m/s", wire=Wire("vy", 1e3), octets=Octets(5, 1, 1e2)),
+        ReportField("velocity_down_m_s", "m/s", wire=Wire("vz", 1e3), octets=Octets(6, 1, 1e2)),
+        ReportField(
             "speed_m_s",
             "m/s",
             standard_name="platform_speed_wrt_ground",
@@ -153,7 +158,7 @@ class StateReport:
     ]
     roll_rad: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="rad",
             display_unit="deg",
             standard_name="platform_roll_starboard_down",
@@ -165,7 +170,7 @@ class StateReport:
     ]
     pitch_rad: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="rad",
             display_unit="deg",
             standard_name="platform_pitch_fore_up",
@@ -177,7 +182,7 @@ class StateReport:
     ]
     heading_rad: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="rad",
             display_unit="deg",
             standard_name="platform_orientation",
@@ -190,7 +195,7 @@ class StateReport:
     """0 north, positive to starboard, in -pi..pi."""
     net_buoyancy_kg: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="kg",
             display_unit="g",
             wire=Wire("net_buoyancy"),
@@ -202,7 +207,7 @@ class StateReport:
     """Excess mass m0; positive sinks."""
     mass_position_m: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="m",
             display_unit="mm",
             wire=Wire("mass_position"),
@@ -219,7 +224,7 @@ class StateReport:
     ]
     tail_rad: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="rad",
             display_unit="deg",
             wire=Wire("tail", 1e4),
@@ -230,7 +235,7 @@ class StateReport:
     ]
     battery_fraction: Annotated[
         float,
-        Channel(
+        ReportField(
             display_unit="%",
             wire=Wire("battery_remaining", 1e4),
             octets=Octets(13, 1, 255.0, signed=False),
@@ -240,7 +245,7 @@ class StateReport:
     ]
     battery_v: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="V",
             wire=Wire("battery_voltage", 1e3),
             octets=Octets(14, 1, 5.0, signed=False),
@@ -251,7 +256,7 @@ class StateReport:
     ]
     energy_used: Annotated[
         float,
-        Channel(
+        ReportField(
             wire=Wire("energy_used"),
             gauge=Gauge(
                 11,

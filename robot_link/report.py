@@ -3,14 +3,18 @@
 Frozen values in SI, radians and NED, as in ``robot_link.messages``.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
 from autonomy.tracking.phase import SpeedClass, TargetPhase
+from robot_link.channel_table import ChannelPage, TableVersion
 from robot_link.messages import (
     CommandReport,
     LinkReport,
+    LogId,
     PlanReport,
+    PositionNed,
     RawFrame,
     RobotId,
     Sample,
@@ -138,8 +142,155 @@ class ActuatorReport:
     """Actuators that do not move though they were told to: sliding mass, pump, tail."""
 
 
-SatelliteReport = StateReport | Sample | PlanReport | TargetReport | CurrentReport
-"""What a robot tells of itself by satellite too; of its actuators it says nothing there."""
-RobotReport = SatelliteReport | ActuatorReport
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One transmission of an acoustic tag that a robot heard; kept on board until it is ashore."""
+
+    robot: RobotId
+    log: LogId
+    """Log and number name it, within the same count as samples."""
+    sequence: int
+    receiver: int
+    """Serial number of the receiver."""
+    tag: str
+    """Transmitter as the makers of tags write it, such as ``A69-1601-179``."""
+    sensor: int | None
+    """Raw value of the tag's sensor; None for a tag without one."""
+    position_ned: PositionNed
+    """Where the robot believed to be."""
+    position_std_m: float
+    measured_at: datetime
+    received_at: datetime
+
+    @property
+    def code_space(self) -> str:
+        """The tag's code space, such as ``A69-1601``."""
+        return self.tag.rpartition("-")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverReport:
+    """How a robot's tag receiver fares since the robot was switched on."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    receiver: int
+    """Serial number; 0 before the first line that could be believed."""
+    heard: int
+    """Detections that were passed on."""
+    refused_sum: int
+    """Lines with a wrong sum; they are kept as they came in the robot's own log."""
+    refused_date: int
+    """Lines with a date that is none."""
+    refused_code: int
+    """Lines that say neither a tag nor the receiver's condition."""
+    clock_offset_s: float | None
+    """The receiver's clock minus the robot's; None before the first line."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleValue:
+    """A number that a vehicle of another maker said."""
+
+    value: float
+    """In the channel's own unit: SI for those of a state, the catalogue's for the others."""
+    at: datetime
+    """When it came."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehiclePlace:
+    """Where a vehicle of another maker is."""
+
+    position_ned: tuple[float, float, float]
+    """In its water's frame; the depth is never negative."""
+    std_m: float | None
+    """Of the horizontal position, larger axis; None where the vehicle does not say."""
+    has_fix: bool
+    at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleReport:
+    """What a vehicle says that speaks standard MAVLink: put together from many messages.
+
+    What it did not say is absent.
+    """
+
+    robot: RobotId
+    measured_at: datetime
+    """When the newest of it came: such a vehicle does not say when it measured."""
+    received_at: datetime
+    autopilot: str
+    """Such as ArduSub."""
+    kind: str
+    """Such as submarine."""
+    mode: str
+    """The autopilot's own name of its mode, such as ALT_HOLD; "" before its first heartbeat."""
+    mode_number: int
+    """Its custom mode."""
+    mode_words: str
+    """What it does in that mode, such as "holds its depth"; "" where only the name is known."""
+    is_armed: bool | None
+    """Whether its motors may turn; None before the first heartbeat."""
+    is_critical: bool
+    """Whether it says that it is in an emergency."""
+    values: Mapping[str, VehicleValue]
+    """By the keys of a state's channels and of the catalogue."""
+    place: VehiclePlace | None
+    depth_source: str
+    """What the depth was taken from, such as GLOBAL_POSITION_INT; "" where there is none."""
+    std_source: str
+    """What the position's uncertainty was taken from; "" where nobody knows it."""
+    mission_item: int | None
+    """The item that it flies to."""
+    mission_items: int | None
+    """How many items its mission has."""
+    unhealthy: tuple[str, ...]
+    """Sensors that are there, switched on, and not healthy; and motors that fail."""
+    landed: str = ""
+    """Whether it stands or is under way, such as "on the ground"; "" where it does not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleWord:
+    """A sentence that a vehicle said (STATUSTEXT), put together where it came in pieces."""
+
+    robot: RobotId
+    severity: int
+    """MAV_SEVERITY: 0 emergency to 7 debug; 4 is a warning."""
+    text: str
+    at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One value of a channel that belongs to no place: the robot's own condition."""
+
+    robot: RobotId
+    channel: str
+    """Its key in the catalogue."""
+    value: float
+    """In the channel's unit."""
+    measured_at: datetime
+    received_at: datetime
+
+
+_Told = StateReport | Sample | Reading | PlanReport | TargetReport | CurrentReport | Detection
+SatelliteReport = _Told | ChannelPage | TableVersion
+"""What a robot tells of itself by satellite too; of its actuators and of its tag receiver it says
+nothing there."""
+RobotReport = _Told | ActuatorReport | ReceiverReport
 """What a robot tells of itself, each with the time by its own clock."""
-LinkEvent = RobotReport | CommandReport | UploadReport | LinkReport | RawFrame
+LinkEvent = (
+    RobotReport
+    | ChannelPage
+    | TableVersion
+    | VehicleReport
+    | VehicleWord
+    | CommandReport
+    | UploadReport
+    | LinkReport
+    | RawFrame
+)

@@ -1,4 +1,4 @@
-"""The robot's memory of samples that are not yet known to be stored ashore."""
+"""The robot's memory of samples and heard tags that are not yet known to be stored ashore."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -27,6 +27,25 @@ class Measurement:
     measured_at: datetime
 
 
+@dataclass(frozen=True, slots=True)
+class HeardTag:
+    """One transmission of an acoustic tag, where the robot believes that it heard it."""
+
+    receiver: int
+    """Serial number of the receiver."""
+    tag: str
+    """Such as ``A69-1601-179``."""
+    sensor: int | None
+    """Raw value of the tag's sensor."""
+    position_ned: PositionNed
+    position_std_m: float
+    measured_at: datetime
+
+
+LogEntry = Measurement | HeardTag
+"""What is kept under one count of numbers until it is known to be stored ashore."""
+
+
 class SampleLog(Protocol):
     """What the link needs of such a memory.
 
@@ -34,12 +53,17 @@ class SampleLog(Protocol):
     of older logs, too: those that were not ashore when the robot was switched off.
     """
 
-    def append(self, measurement: Measurement) -> SampleKey:
-        """Keep a measurement and return its name."""
+    @property
+    def next_key(self) -> SampleKey:
+        """Name that the next entry gets."""
         ...
 
-    def get(self, key: SampleKey) -> Measurement | None:
-        """Return a measurement; None where it may be forgotten."""
+    def append(self, entry: LogEntry) -> SampleKey:
+        """Keep an entry and return its name."""
+        ...
+
+    def get(self, key: SampleKey) -> LogEntry | None:
+        """Return an entry; None where it may be forgotten."""
         ...
 
     def forget(self, keys: Iterable[SampleKey]) -> None:
@@ -59,27 +83,32 @@ class MemorySampleLog:
         kept: What was not ashore when the robot was switched off.
     """
 
-    def __init__(self, log: LogId, kept: Mapping[SampleKey, Measurement] | None = None) -> None:
+    def __init__(self, log: LogId, kept: Mapping[SampleKey, LogEntry] | None = None) -> None:
         self._log = log
-        self._kept: dict[SampleKey, Measurement] = dict(sorted((kept or {}).items()))
+        self._kept: dict[SampleKey, LogEntry] = dict(sorted((kept or {}).items()))
         self._next = 1 + max((key.sequence for key in self._kept if key.log == log), default=-1)
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def append(self, measurement: Measurement) -> SampleKey:
-        """Keep a measurement and return its name."""
-        key = SampleKey(self._log, self._next)
-        self._kept[key] = measurement
+    @property
+    def next_key(self) -> SampleKey:
+        """Name that the next entry gets."""
+        return SampleKey(self._log, self._next)
+
+    def append(self, entry: LogEntry) -> SampleKey:
+        """Keep an entry and return its name."""
+        key = self.next_key
+        self._kept[key] = entry
         self._next += 1
         return key
 
-    def get(self, key: SampleKey) -> Measurement | None:
-        """Return a measurement; None where it was forgotten."""
+    def get(self, key: SampleKey) -> LogEntry | None:
+        """Return an entry; None where it was forgotten."""
         return self._kept.get(key)
 
     def forget(self, keys: Iterable[SampleKey]) -> None:
-        """Drop measurements that are stored ashore."""
+        """Drop entries that are stored ashore."""
         for key in keys:
             self._kept.pop(key, None)
 

@@ -17,6 +17,8 @@ class LinkTiming:
     """Period of the link reports of a station."""
     plan_report_s: float = 2.0
     """Period of the plan reports of a robot."""
+    announce_s: float = 60.0
+    """Time between two pages of a robot's table of channels, beside those that are asked for."""
     answer_s: float = 1.5
     """Wait for an answer to a command, an offer or a request before it is repeated."""
     retry_s: float = 3.0

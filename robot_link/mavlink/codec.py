@@ -73,12 +73,28 @@ class Codec:
                 offset = end
         return Unpacked(messages, bad)
 
+    def unknown(self, datagram: bytes) -> int:
+        """Count the whole frames that follow one another and that the dialect does not know.
+
+        ``unpack`` counts them as bad: their checksum cannot be proved. A vehicle of another maker
+        sends such in good faith.
+        """
+        found = offset = 0
+        while offset < len(datagram) and (end := _frame_end(datagram, offset)) is not None:
+            message = self._read(datagram[offset:end])
+            found += isinstance(message, grace.MAVLink_unknown)
+            offset = end
+        return found
+
     def _decode(self, frame: bytes) -> WireMessage | None:
+        message = self._read(frame)
+        return None if isinstance(message, grace.MAVLink_unknown) else message
+
+    def _read(self, frame: bytes) -> WireMessage | None:
         try:
-            message = self._reader.decode(bytearray(frame))
+            return self._reader.decode(bytearray(frame))
         except grace.MAVError:
             return None
-        return None if isinstance(message, grace.MAVLink_unknown) else message
 
 
 def packets(frames: Iterable[bytes], limit: int) -> list[bytes]:

@@ -3,13 +3,22 @@
 from collections.abc import Iterable
 from datetime import datetime
 
-from robot_link.mavlink import actuator, current, target, telemetry
+from robot_link.channel_table import ChannelPage
+from robot_link.mavlink import (
+    actuator,
+    channel_page,
+    current,
+    detection,
+    several,
+    target,
+    telemetry,
+)
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import RobotId, RobotMode
-from robot_link.report import RobotReport
+from robot_link.messages import RobotId, RobotMode, Sample
+from robot_link.report import Reading, RobotReport
 
-Value = RobotMode | RobotReport | None
+Value = RobotMode | RobotReport | tuple[Sample, ...] | tuple[Reading, ...] | ChannelPage | None
 """What one message means; None for what the station does not keep."""
 
 
@@ -33,12 +42,22 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return telemetry.state_report(message, robot, received_at)
         case grace.MAVLink_grace_sample_message():
             return telemetry.sample(message, robot, received_at)
+        case grace.MAVLink_grace_samples_message():
+            return several.samples(message, robot, received_at)
+        case grace.MAVLink_grace_health_message():
+            return several.readings(message, robot, received_at)
+        case grace.MAVLink_grace_channels_message():
+            return channel_page.channel_page(message, robot, received_at)
         case grace.MAVLink_grace_plan_report_message():
             return telemetry.plan_report(message, robot, received_at)
         case grace.MAVLink_grace_track_message():
             return target.target_report(message, robot, received_at)
         case grace.MAVLink_grace_current_message():
             return current.current_report(message, robot, received_at)
+        case grace.MAVLink_grace_detection_message():
+            return detection.detection(message, robot, received_at)
+        case grace.MAVLink_grace_receiver_message():
+            return detection.receiver_report(message, robot, received_at)
         case grace.MAVLink_grace_actuators_message():
             return actuator.actuator_report(message, robot, received_at)
         case _:

@@ -6,8 +6,7 @@ from datetime import UTC, datetime, timedelta
 from operator import attrgetter
 from typing import Any
 
-from autonomy.field.variable import VARIABLES
-from robot_link.channel import Channel
+from autonomy.channel import key_on_wire, number_on_wire
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     STATE,
@@ -21,6 +20,7 @@ from robot_link.messages import (
     StateReport,
     SystemId,
 )
+from robot_link.report_field import ReportField
 from robot_link.sample_log import Measurement
 
 ACKNOWLEDGED_AT_ONCE = 256
@@ -35,11 +35,10 @@ STATE_FRAME_BYTES = 12 + grace.MAVLink_grace_state_message.unpacker.size
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _REASON_BYTES = 100
-_KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLES.values()}
 _WHOLE = {"int16_t": (-(2**15), 2**15 - 1), "uint16_t": (0, 2**16 - 1)}
 
 
-def _state_field(channel: Channel) -> tuple[str, float, int, int]:
+def _state_field(channel: ReportField) -> tuple[str, float, int, int]:
     """Return a channel's field, its scale and its ends; both are 0 where it is no whole number."""
     wire, dialect = channel.wire, grace.MAVLink_grace_state_message
     if wire is None:
@@ -127,7 +126,7 @@ def sample_message(
         z=down,
         position_std=measurement.position_std_m,
         value=measurement.value,
-        variable=VARIABLES[measurement.variable].wire_index,
+        variable=number_on_wire(measurement.variable),
     )
 
 
@@ -140,14 +139,14 @@ def sample(
         ValueError: If a number is not finite, the time impossible, or the variable unknown.
     """
     check_finite((message.value, message.x, message.y, message.z, message.position_std))
-    variable = _KEY_OF_WIRE_INDEX.get(message.variable)
-    if variable is None:
+    key = key_on_wire(message.variable)
+    if key is None:
         raise ValueError(f"variable {message.variable} of a sample is not declared")
     return Sample(
         robot=robot,
         log=LogId(message.log),
         sequence=message.sequence,
-        variable=variable,
+        variable=key,
         value=message.value,
         position_ned=(message.x, message.y, message.z),
         position_std_m=message.position_std,

@@ -1,6 +1,6 @@
 """What a robot's record says, as values."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from robot_link.messages import (
@@ -10,9 +10,10 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.report import CurrentReport, TargetReport
+from robot_link.report import CurrentReport, Detection, TargetReport
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
+from robot_link.satellite.channel_code import ChannelPart
 
 
 class TransferState(IntEnum):
@@ -148,3 +149,7 @@ class MobileOriginatedContent:
     """What it knows of its target; goes with the state alone, and without the second hypothesis."""
     current: CurrentReport | None = None
     """What it believes of the current; goes with the state alone, where there is room."""
+    detections: tuple[Detection, ...] = ()
+    """Tags that it heard, to ``compose`` the oldest first."""
+    channels: ChannelPart = field(default_factory=ChannelPart)
+    """What it measures, and readings of itself."""

@@ -3,7 +3,8 @@
 A record, big endian, before the code of ``frame``:
 
     u8   version << 4 | 3
-    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 target, 5 current
+    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 target, 5 current, 6 detections,
+         7 channels
     u32  counter
     words    u8 acks << 4 | answers; of each ack u32 transfer id, u8 chunks, u8 state << 5 | reason
              and, while receiving, a bit for each chunk, the first in the lowest bit of the first
@@ -13,6 +14,8 @@ A record, big endian, before the code of ``frame``:
     plan     ``state_code``
     current  ``current_code``; only with a state
     target   ``target_code``; only with a state
+    channels    ``channel_code``
+    detections  ``detection_code``
     samples  ``sample_code``
 
 One ack, state and plan take 70 bytes (of a mission of more than eight chunks that comes in, more),
@@ -25,6 +28,7 @@ from datetime import datetime
 from robot_link.messages import CommandNumber, RobotId, SystemId
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
+from robot_link.satellite.channel_code import ChannelPart, packed_channels, unpacked_channels
 from robot_link.satellite.content import (
     CommandAnswer,
     MobileOriginatedContent,
@@ -34,6 +38,11 @@ from robot_link.satellite.content import (
     TransferState,
 )
 from robot_link.satellite.current_code import CURRENT_BYTES, packed_current, unpacked_current
+from robot_link.satellite.detection_code import (
+    detections_that_fit,
+    packed_detections,
+    unpacked_detections,
+)
 from robot_link.satellite.frame import (
     MAC_BYTES,
     MOBILE_ORIGINATED_MAX,
@@ -75,8 +84,8 @@ SMALLEST = 70
 
 _HEADER = struct.Struct(">BBI")
 _ACK = struct.Struct(">IBB")
-_WORDS, _STATE, _PLAN, _SAMPLES, _TARGET, _CURRENT = 1, 2, 4, 8, 16, 32
-_FLAGS_MAX = 63
+_WORDS, _STATE, _PLAN, _SAMPLES, _TARGET, _CURRENT, _DETECTIONS = 1, 2, 4, 8, 16, 32, 64
+_CHANNELS = 128
 _WORDS_MAX = 15
 """Acks, and answers, of one record."""
 _REASON_BITS = 5
@@ -95,8 +104,8 @@ def compose(
 ) -> bytes:
     """Return one message of at most ``max_bytes`` that says as much of the content as fits.
 
-    What proves a level comes first: acks, answers, state, plan, current, target; samples fill the
-    rest.
+    What proves a level comes first: acks, answers, state, plan, current, target, channels; heard
+    tags and samples fill the rest.
 
     Args:
         content: What there is to say.
@@ -128,6 +137,14 @@ def compose(
     if target and any(flag == _STATE for flag, _ in parts):
         parts.append((_TARGET, target))
         room -= len(target)
+    channels = packed_channels(content.channels, room)
+    if channels:
+        parts.append((_CHANNELS, channels))
+        room -= len(channels)
+    detections = detections_that_fit(content.detections, room)
+    if detections:
+        parts.append((_DETECTIONS, packed_detections(detections)))
+        room -= len(parts[-1][1])
     samples = most_that_fit(content.samples, room)
     if samples:
         parts.append((_SAMPLES, packed_samples(samples)))
@@ -144,6 +161,9 @@ def sample_room(content: MobileOriginatedContent, max_bytes: int) -> int:
     room -= 0 if content.plan is None else PLAN_BYTES
     room -= len(_packed_current(content, room))
     room -= len(_packed_target(content, room))
+    room -= len(packed_channels(content.channels, room))
+    if content.detections:
+        room -= len(packed_detections(content.detections))
     return max(0, room)
 
 
@@ -159,8 +179,6 @@ def read_mobile_originated(
     if kind is not MessageType.RECORD or len(body) < _HEADER.size:
         raise WireError("this is no record of a robot")
     _, flags, counter = _HEADER.unpack_from(body)
-    if flags > _FLAGS_MAX:
-        raise WireError(f"flags {flags:#x} of a record are unknown")
     reader = OctetReader(body[_HEADER.size :])
     acks, answers = _words(reader) if flags & _WORDS else ((), ())
     state_bytes = reader.take(STATE_BYTES) if flags & _STATE else None
@@ -173,10 +191,17 @@ def read_mobile_originated(
         raise WireError("a record tells a track or a current without a state")
     current = unpacked_current(reader, state) if flags & _CURRENT and state is not None else None
     target = unpacked_target(reader, state) if flags & _TARGET and state is not None else None
+    channels = ChannelPart()
+    if flags & _CHANNELS:
+        said_at = received_at if state is None else state.measured_at
+        channels = unpacked_channels(reader, robot, said_at, received_at)
+    detections = unpacked_detections(reader, robot, received_at) if flags & _DETECTIONS else ()
     samples = unpacked_samples(reader, robot, received_at) if flags & _SAMPLES else ()
     if not reader.is_at_end:
         raise WireError("something follows the end of a record")
-    return MobileOriginatedContent(counter, state, plan, acks, answers, samples, target, current)
+    return MobileOriginatedContent(
+        counter, state, plan, acks, answers, samples, target, current, detections, channels
+    )
 
 
 def _packed_target(content: MobileOriginatedContent, room: int) -> bytes:

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from itertools import groupby
 
-from autonomy.field.variable import VARIABLES
+from autonomy.channel import key_on_wire, number_on_wire
 from robot_link.messages import LogId, RobotId, Sample
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, centiseconds, float24, moment, varint, zigzag
@@ -33,7 +33,6 @@ _COUNT_MAX = 255
 _TENTHS = 10
 _SEQUENCE_MAX = 2**32 - 1
 _STD_MAX_MM = 2**24 - 1
-_KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLES.values()}
 
 
 def packed_samples(samples: Iterable[Sample]) -> bytes:
@@ -86,7 +85,7 @@ def unpacked_samples(
 
 
 def _block(sample: Sample) -> tuple[LogId, int]:
-    return sample.log, VARIABLES[sample.variable].wire_index
+    return sample.log, number_on_wire(sample.variable)
 
 
 def _packed_block(samples: Sequence[Sample]) -> bytes:
@@ -113,7 +112,7 @@ def _packed_block(samples: Sequence[Sample]) -> bytes:
 
 def _unpacked_block(reader: OctetReader, robot: RobotId, received_at: datetime) -> list[Sample]:
     variable, log, unit, count = _HEADER.unpack(reader.take(_HEADER.size))
-    key = _KEY_OF_WIRE_INDEX.get(variable)
+    key = key_on_wire(variable)
     if key is None or unit > _UNIT_MAX or not count:
         raise WireError("the head of a block of samples is none")
     number, time = 0, int.from_bytes(reader.take(5), "big")

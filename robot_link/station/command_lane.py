@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.command import acknowledged_kind, command_message
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
@@ -115,7 +116,23 @@ class CommandLane:
             await self._wait(command, command.stirred, pause_s)
 
     async def _send(self, command: Command, attempt: int) -> None:
-        message = command_message(
+        was_confirmed = await self._peer.deliver(
+            (self._message(command, attempt),),
+            on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED, self._peer.taken_by),
+            is_wanted=lambda: not command.settled.is_set() and self._left_s(command) > 0,
+            on_every_path=command.kind is CommandKind.SURFACE,
+        )
+        command.is_confirmed = was_confirmed or self._has_answered(command)
+        if was_confirmed:
+            self._tell_once(command, CommandLevel.RADIO, self._peer.confirmed_by)
+
+    def _has_answered(self, command: Command) -> bool:
+        """Tell whether the robot itself proved that it heard an earlier attempt."""
+        del command
+        return False
+
+    def _message(self, command: Command, attempt: int) -> WireMessage:
+        return command_message(
             self._peer.system,
             command.kind,
             command.number,
@@ -123,14 +140,6 @@ class CommandLane:
             command.plan,
             confirmation=min(attempt, 255),
         )
-        command.is_confirmed = await self._peer.deliver(
-            (message,),
-            on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED, self._peer.taken_by),
-            is_wanted=lambda: not command.settled.is_set() and self._left_s(command) > 0,
-            on_every_path=command.kind is CommandKind.SURFACE,
-        )
-        if command.is_confirmed:
-            self._tell_once(command, CommandLevel.RADIO, self._peer.confirmed_by)
 
     async def _wait(self, command: Command, event: asyncio.Event, longest_s: float | None) -> None:
         """Wait for an event, not beyond the command's expiry."""

@@ -1,7 +1,7 @@
 """The station's side of every service: telemetry, commands, mission upload, acknowledgement."""
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -10,6 +10,7 @@ from robot_link.clock import Clock
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.signing import Signing
+from robot_link.mavlink.standard_vehicle import StandardVehicle
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -24,7 +25,9 @@ from robot_link.mission import Mission
 from robot_link.report import LinkEvent
 from robot_link.service.file_store import FileEntry
 from robot_link.service.heartbeat import beat
+from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
+from robot_link.service.standard_item import StandardItem
 from robot_link.station.command_lane import Command, CommandLane
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.path import RadioPath, RobotEndpoint
@@ -33,6 +36,8 @@ from robot_link.station.reception import Reception
 from robot_link.station.robot_services import RobotServices
 from robot_link.station.roster import Member, Roster
 from robot_link.station.sample_gate import SampleGate
+from robot_link.station.standard_lane import StandardCommandLane
+from robot_link.station.standard_mission import put_on_board, read_back
 from robot_link.station.upload import Upload
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
@@ -85,6 +90,12 @@ class OwnedTasks:
             group.create_task(work(), name=f"{owner} {name}")
             for name, work in self._work[owner].items()
         ]
+
+
+def _work_of(member: Member) -> dict[str, Work]:
+    """Return what is done for a robot; a vehicle of another maker has a clock of its own kind."""
+    second = member.services.ask_for_streams if member.vehicle is not None else member.services.run
+    return {"commands": member.lane.run, "services": second}
 
 
 class UploadUnderWayError(Exception):
@@ -172,8 +183,7 @@ class StationLink:
             if self._roster.get(robot) is None:
                 member = self._member(robot, endpoint)
                 self._roster.add(member)
-                work = {"commands": member.lane.run, "clock": member.services.run}
-                self._tasks.add(robot, work)
+                self._tasks.add(robot, _work_of(member))
 
     def _member(self, robot: RobotId, endpoint: RobotEndpoint) -> Member:
         signing = self._signing(robot)
@@ -183,7 +193,11 @@ class StationLink:
         peer = Peer(
             robot, endpoint, self._transports, codec, self._clock, self._on_event, self._timing
         )
-        return Member(endpoint, peer, CommandLane(peer, self._on_event), codec, signing)
+        if endpoint.standard is None:
+            return Member(endpoint, peer, CommandLane(peer, self._on_event), codec, signing)
+        vehicle = StandardVehicle(robot, endpoint.origin_deg, self._clock.speed)
+        lane = StandardCommandLane(peer, self._on_event, vehicle, endpoint.standard)
+        return Member(endpoint, peer, lane, codec, signing, vehicle)
 
     def _serve(self, uri: str, transport: DatagramTransport) -> None:
         codecs = partial(self._codecs_on, transport)
@@ -280,6 +294,17 @@ class StationLink:
         services.check_live()
         return await services.parameters.read_all()
 
+    async def describe_parameters(self, robot: RobotId) -> Mapping[str, ParameterDescription]:
+        """Return what a vehicle says of its own parameters, by their names.
+
+        Raises:
+            ServiceError: If it is not in contact, falls silent, or has no such file.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return await services.metadata.parameters()
+
     async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
         """Set a parameter of a robot, and return it as it was read back.
 
@@ -326,6 +351,35 @@ class StationLink:
         services = self._roster[robot].services
         services.check_live()
         return await services.files.download(path, content=content, report=report)
+
+    async def upload_waypoints(
+        self,
+        robot: RobotId,
+        items: Sequence[StandardItem],
+        report: Callable[[int, int], None],
+    ) -> None:
+        """Put waypoints on board of a vehicle of another maker, and prove it by reading them back.
+
+        Raises:
+            ServiceError: If it is not in contact, falls silent, refuses or holds something else.
+            KeyError: If no such vehicle is known.
+        """
+        member = self._roster[robot]
+        member.services.check_live()
+        await put_on_board(member.services.missions, member.foreign(), items, report)
+
+    async def read_waypoints(
+        self, robot: RobotId, report: Callable[[int, int], None]
+    ) -> Sequence[StandardItem]:
+        """Return the mission on board of a vehicle of another maker.
+
+        Raises:
+            ServiceError: If it is not in contact, falls silent or refuses.
+            KeyError: If no such vehicle is known.
+        """
+        member = self._roster[robot]
+        member.services.check_live()
+        return await read_back(member.services.missions, member.foreign(), report)
 
     def services(self, robot: RobotId) -> RobotServices:
         """Return the clients of a robot: standard missions and commands for other makers' ones.

@@ -7,6 +7,7 @@ from typing import Self
 from robot_link.clock import Clock, monotonic_s
 from robot_link.messages import LinkReport, LinkState, RobotId, RobotMode, SystemId
 from robot_link.service.duplicate import NumberWatch
+from robot_link.standard_config import StandardCommandConfig
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address, DatagramTransport, Received
 from robot_link.transport.uri import LinkUri
@@ -51,6 +52,10 @@ class RobotEndpoint:
     """Its radios, the preferred one first; at least one."""
     key_number: int = 0
     """Changes when its signing key does: it is then a robot with other links."""
+    standard: StandardCommandConfig | None = None
+    """How a vehicle of another maker is told our orders; None for our own robots."""
+    origin_deg: tuple[float, float] | None = None
+    """Latitude and longitude of its water's origin, in whose frame a standard vehicle is placed."""
 
 
 class PeerPath:

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from datetime import datetime
 
+from robot_link.channel_table import ChannelPage
 from robot_link.clock import Clock
 from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.decode import Value, decoded, robot_time
@@ -16,7 +17,15 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.report import ActuatorReport, CurrentReport, LinkEvent, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Detection,
+    LinkEvent,
+    Reading,
+    ReceiverReport,
+    TargetReport,
+)
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.roster import Member, Roster
 from robot_link.station.sample_gate import SampleGate
@@ -92,6 +101,8 @@ class Reception:
                 robot_at=robot_time(messages),
             )
         )
+        if bad and sender is not None and sender.vehicle is not None:
+            bad = max(0, bad - self._codec.unknown(received.data))
         dropped = bad + len(messages) - len(own)
         self._roster.count_bad(transport, sender, dropped if sender else max(1, dropped))
         if sender is not None and own:
@@ -101,10 +112,10 @@ class Reception:
                 sender.peer.heard(transport, received, len(understood))
                 self._watch.tell_changes(sender)
                 for message, value in understood:
-                    self._interpret(sender, message, value)
+                    self._interpret(sender, message, value, at)
                 sender.lane.contact()
 
-    def _interpret(self, sender: Member, message: WireMessage, value: Value) -> None:
+    def _interpret(self, sender: Member, message: WireMessage, value: Value, at: datetime) -> None:
         sender.services.hear(message)
         match message:
             case grace.MAVLink_command_ack_message():
@@ -112,6 +123,9 @@ class Reception:
             case grace.MAVLink_mission_request_int_message():
                 if sender.upload is not None:
                     sender.upload.hear(message)
+            case _ if sender.vehicle is not None:
+                for event in sender.vehicle.hear(message, at):
+                    self._on_event(event)
             case _:
                 self._take(sender, value)
 
@@ -123,14 +137,19 @@ class Reception:
                 sender.peer.mode = value.mode
                 sender.services.clock.note_frame(value.measured_at, value.received_at)
                 self._on_event(value)
-            case Sample():
+            case tuple():
+                for one in value:
+                    self._take(sender, one)
+            case Reading() | ChannelPage():
+                self._on_event(value)
+            case Sample() | Detection():
                 if self._samples.admit(value):
                     self._on_event(value)
                 else:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
-            case TargetReport() | CurrentReport() | ActuatorReport():
+            case TargetReport() | CurrentReport() | ActuatorReport() | ReceiverReport():
                 self._on_event(value)
             case None:
                 pass
@@ -145,6 +164,8 @@ class Reception:
 
 def _read(message: WireMessage, sender: Member, at: datetime) -> tuple[WireMessage, Value] | None:
     """Return a message with what it tells; ``None`` for one that cannot be understood."""
+    if sender.vehicle is not None:
+        return message, None
     try:
         return message, decoded(message, sender.robot, at)
     except ValueError:

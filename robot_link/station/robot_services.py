@@ -1,24 +1,50 @@
 """The station's side of the standard services of one robot."""
 
 import asyncio
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import LinkState
+from robot_link.messages import LinkState, SystemId
 from robot_link.service.clock_sync import ClockWatch
-from robot_link.station.command_client import CommandClient
+from robot_link.station.command_client import CommandClient, StandardCommand
 from robot_link.station.error import NoAnswerError, OutOfContactError
 from robot_link.station.exchange import Patience
 from robot_link.station.file_client import FileClient
+from robot_link.station.metadata_client import MetadataClient
 from robot_link.station.mission_client import MissionClient
 from robot_link.station.parameter_client import ParameterClient
 from robot_link.station.peer import Peer
+from robot_link.station.table_watch import TableWatch
 
 _CLOCK_PERIOD_S = 30.0
 _CLOCK_LOOK_S = 1.0
+
+_STREAM_PATIENCE_S = 3.0
+_STREAM_US = 500_000
+_TELEMETRY: Final = (
+    grace.MAVLINK_MSG_ID_ATTITUDE,
+    grace.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    grace.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+)
+"""Any of them says that the vehicle was asked already."""
+_ASKED_FOR: Final = (
+    *_TELEMETRY,
+    grace.MAVLINK_MSG_ID_SYS_STATUS,
+    grace.MAVLINK_MSG_ID_GPS_RAW_INT,
+    grace.MAVLINK_MSG_ID_SCALED_PRESSURE,
+    grace.MAVLINK_MSG_ID_SCALED_PRESSURE2,
+    grace.MAVLINK_MSG_ID_BATTERY_STATUS,
+    grace.MAVLINK_MSG_ID_MISSION_CURRENT,
+    grace.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    grace.MAVLINK_MSG_ID_ESC_STATUS,
+    grace.MAVLINK_MSG_ID_ESC_INFO,
+    grace.MAVLINK_MSG_ID_RPM,
+)
 
 _HEARERS: Final[Mapping[int, tuple[str, ...]]] = MappingProxyType(
     {
@@ -26,9 +52,11 @@ _HEARERS: Final[Mapping[int, tuple[str, ...]]] = MappingProxyType(
         grace.MAVLINK_MSG_ID_AUTOPILOT_VERSION: ("parameters",),
         grace.MAVLINK_MSG_ID_PARAM_VALUE: ("parameters",),
         grace.MAVLINK_MSG_ID_PARAM_ERROR: ("parameters",),
-        grace.MAVLINK_MSG_ID_COMMAND_ACK: ("parameters", "commands"),
+        grace.MAVLINK_MSG_ID_COMMAND_ACK: ("parameters", "commands", "metadata"),
+        grace.MAVLINK_MSG_ID_COMPONENT_METADATA: ("metadata",),
         grace.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: ("files",),
         grace.MAVLINK_MSG_ID_TIMESYNC: ("clock",),
+        grace.MAVLINK_MSG_ID_GRACE_CHANNELS: ("tables",),
         grace.MAVLINK_MSG_ID_MISSION_ACK: ("missions",),
         grace.MAVLINK_MSG_ID_MISSION_COUNT: ("missions",),
         grace.MAVLINK_MSG_ID_MISSION_ITEM_INT: ("missions",),
@@ -45,6 +73,8 @@ class RobotServices:
     def __init__(self, peer: Peer) -> None:
         patience = Patience(answer_s=peer.timing.answer_s)
         self._peer = peer
+        self._telemetry_s = -math.inf
+        """When telemetry came last, by the wall."""
         self.parameters = ParameterClient(peer, patience=patience)
         self.files = FileClient(peer, patience=patience)
         self.missions = MissionClient(peer, patience=patience)
@@ -52,7 +82,13 @@ class RobotServices:
         self.commands = CommandClient(peer, patience=patience)
         """Standard commands, for vehicles of other makers."""
         self.clock = ClockWatch(peer, peer.clock, patience=patience)
+        self.metadata = MetadataClient(peer, self.files, patience=patience)
+        """What a vehicle says of its own parameters."""
+        self.tables = TableWatch(peer, lambda: self.is_live, answer_s=peer.timing.answer_s)
+        """What is still missing of the robot's table of channels."""
         self._clients = {
+            "tables": self.tables,
+            "metadata": self.metadata,
             "parameters": self.parameters,
             "files": self.files,
             "missions": self.missions,
@@ -62,11 +98,19 @@ class RobotServices:
 
     def hear(self, message: WireMessage) -> None:
         """Pass on what may answer one of the clients."""
+        if message.get_msgId() in _TELEMETRY:
+            self._telemetry_s = monotonic_s()
         for name in _HEARERS.get(message.get_msgId(), ()):
             self._clients[name].hear(message)
 
     async def run(self) -> None:
-        """Compare the clocks now and then, while the robot is in contact, until cancelled."""
+        """Compare the clocks now and then, and ask for missing pages, until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._compare_clocks(), name=f"{self._peer.robot} clock")
+            group.create_task(self.tables.run(), name=f"{self._peer.robot} channels")
+
+    async def _compare_clocks(self) -> None:
+        """Compare the clocks now and then while the robot is in contact."""
         pause_s = _CLOCK_LOOK_S
         while True:
             if self.is_live:
@@ -79,6 +123,16 @@ class RobotServices:
             else:
                 pause_s = _CLOCK_LOOK_S
                 await asyncio.sleep(_CLOCK_LOOK_S)
+
+    async def ask_for_streams(self) -> None:
+        """Ask a standard vehicle for its telemetry, again and again until it comes, or cancelled.
+
+        Autopilots send little but heartbeats to a station that did not ask.
+        """
+        while True:
+            if self.is_live and monotonic_s() - self._telemetry_s > _STREAM_PATIENCE_S:
+                await self._peer.deliver(_stream_requests(self._peer.system))
+            await asyncio.sleep(_STREAM_PATIENCE_S)
 
     @property
     def is_live(self) -> bool:
@@ -93,3 +147,19 @@ class RobotServices:
         """
         if not self.is_live:
             raise OutOfContactError(f"{self._peer.robot} is not in radio contact")
+
+
+def _stream_requests(system: SystemId) -> list[WireMessage]:
+    """Return the requests for telemetry twice a second, in the old way and in the new one."""
+    component = grace.MAV_COMP_ID_AUTOPILOT1
+    rate_hz, start = round(1e6 / _STREAM_US), 1
+    asked: list[WireMessage] = [
+        grace.MAVLink_request_data_stream_message(
+            system, component, grace.MAV_DATA_STREAM_ALL, rate_hz, start
+        )
+    ]
+    interval = grace.MAV_CMD_SET_MESSAGE_INTERVAL
+    for number in _ASKED_FOR:
+        command = StandardCommand(interval, (float(number), float(_STREAM_US)))
+        asked.append(command.message(system, component, 0))
+    return asked

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
+from robot_link.mavlink.standard_vehicle import StandardVehicle
 from robot_link.messages import RobotId, SystemId
 from robot_link.service.duplicate import TOLD_S, DuplicateWatch
 from robot_link.station.command_lane import CommandLane
@@ -28,6 +29,7 @@ class Member:
         lane: CommandLane,
         codec: Codec,
         signing: Signing | None,
+        vehicle: StandardVehicle | None = None,
     ) -> None:
         self.endpoint = endpoint
         self.peer = peer
@@ -35,9 +37,21 @@ class Member:
         self.codec = codec
         """Packs what goes to this robot."""
         self.signing = signing
+        self.vehicle = vehicle
+        """Puts together what a vehicle of another maker says."""
         self.services = RobotServices(peer)
         self.upload: Upload | None = None
         """The upload under way."""
+
+    def foreign(self) -> StandardVehicle:
+        """Return what puts together a vehicle of another maker.
+
+        Raises:
+            KeyError: If it is a robot of ours.
+        """
+        if self.vehicle is None:
+            raise KeyError(self.robot)
+        return self.vehicle
 
     @property
     def robot(self) -> RobotId:

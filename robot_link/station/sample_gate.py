@@ -4,6 +4,7 @@ from bisect import bisect_right
 from collections.abc import Container, Iterable
 
 from robot_link.messages import LogId, RobotId, Sample
+from robot_link.report import Detection
 
 
 class SequenceSet:
@@ -43,13 +44,13 @@ class SequenceSet:
 
 
 class SampleGate:
-    """Lets each sample through until it is stored, and gathers what is to be acknowledged."""
+    """Lets samples and detections through until they are stored; gathers what to acknowledge."""
 
     def __init__(self) -> None:
         self._stored: dict[tuple[RobotId, LogId], SequenceSet] = {}
         self._owed: dict[tuple[RobotId, LogId], set[int]] = {}
 
-    def admit(self, sample: Sample) -> bool:
+    def admit(self, sample: Sample | Detection) -> bool:
         """Tell whether a sample is not known to be stored; if it is, the robot is told again."""
         stored = self._stored.get((sample.robot, sample.log))
         if stored is None or sample.sequence not in stored:

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.clock import monotonic_s
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.frame import INCOMPATIBLE, SIGNED
+from robot_link.mavlink.wire import grace
 from robot_link.service.heartbeat import station_heartbeat
 from robot_link.transport.advice import (
     Advice,
@@ -112,6 +114,12 @@ class Hearing:
     """Last strength by radio."""
     strangers: dict[str, set[int]] = field(default_factory=dict[str, set[int]])
     """Systems that spoke from elsewhere than the far end."""
+    heard_s: dict[int, float] = field(default_factory=dict[int, float])
+    """When each system was heard last, by the monotonic clock."""
+    kinds: dict[int, tuple[int, int]] = field(default_factory=dict[int, tuple[int, int]])
+    """Autopilot and type that each system's heartbeat names."""
+    ours: set[int] = field(default_factory=set[int])
+    """Systems that speak this project's dialect."""
     neighbours: int = 0
     """Other radios of the network that answered."""
     bad: int = 0
@@ -136,6 +144,11 @@ class Doctor:
         self._say = say
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         self._heard = Hearing()
+
+    @property
+    def heard(self) -> Hearing:
+        """What came so far."""
+        return self._heard
 
     async def examine(self, listen_s: float) -> bool:
         """Open, listen and tell.
@@ -195,10 +208,19 @@ class Doctor:
         for message in messages:
             self._heard.frames[message.get_srcSystem(), received.address] += 1
             self._heard.messages[message.get_type()] += 1
+            self._note_system(message)
             is_signed = bool(message.get_msgbuf()[INCOMPATIBLE] & SIGNED)
             self._heard.signed[message.get_srcSystem(), is_signed] += 1
         if received.rssi_dbm is not None:
             self._heard.strength_dbm[received.address] = received.rssi_dbm
+
+    def _note_system(self, message: WireMessage) -> None:
+        heard, system = self._heard, message.get_srcSystem()
+        heard.heard_s[system] = monotonic_s()
+        if message.get_type().startswith("GRACE_"):
+            heard.ours.add(system)
+        if isinstance(message, grace.MAVLink_heartbeat_message):
+            heard.kinds[system] = (message.autopilot, message.type)
 
     def _note_bad(self, count: int, data: bytes) -> None:
         heard = self._heard

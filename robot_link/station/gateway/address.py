@@ -109,6 +109,23 @@ def acoustic_address(uri: str) -> AcousticAddress:
     return AcousticAddress(None, parts.hostname, parts.port, int(baud), us, peer)
 
 
+def own_end(uri: str) -> str | None:
+    """Return what names the modem at the robot's end of a link, which is one robot's alone.
+
+    ``None`` for a radio that any number of robots share, and for what is no link.
+    """
+    try:
+        if is_satellite(uri):
+            return f"The modem {satellite_address(uri)[1]}"
+        if is_acoustic(uri):
+            line, _, _ = uri.partition("?")
+            return f"Acoustic address {acoustic_address(uri).peer} at {line}"
+    except ValueError:
+        return None
+    _, is_addressed, radio = uri.partition("#")
+    return f"The radio {radio}" if is_addressed else None
+
+
 def check_link(uri: str) -> None:
     """Refuse a URI that names no link of any kind.
 

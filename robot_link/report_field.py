@@ -2,7 +2,7 @@
 
 A report's field carries its rows in its annotation, a vector one for each of its parts:
 
-    battery_v: Annotated[float, Channel(unit="V", wire=Wire("battery_voltage", 1e3), ...)]
+    battery_v: Annotated[float, ReportField(unit="V", wire=Wire("battery_voltage", 1e3), ...)]
 
 The codecs of both wires, the columns of the database, the check of what is possible, the robot's
 own log, the columns of recordings and the gauges are made from a ``Catalogue`` of such a report.
@@ -70,8 +70,11 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
-    """One number of a report; a face that is not given is one that it does not have."""
+class ReportField:
+    """One number of a report: a channel that every state carries.
+
+    A face that is not given is one that it does not have.
+    """
 
     key: str = ""
     """Name with the unit's suffix, also of the column; a number has that of its field."""
@@ -126,8 +129,8 @@ class Catalogue:
     """Returns a report's fields by their names, given the values of ``channels``."""
 
     def __init__(self, report: type) -> None:
-        self._parts: dict[str, tuple[Channel, ...]] = {}
-        self._norms: dict[str, Channel] = {}
+        self._parts: dict[str, tuple[ReportField, ...]] = {}
+        self._norms: dict[str, ReportField] = {}
         self._vectors: set[str] = set()
         for name, hint in get_type_hints(report, include_extras=True).items():
             if get_origin(hint) is Annotated:
@@ -151,7 +154,7 @@ class Catalogue:
         self.values = eval(f"lambda report: {{{', '.join(values)}}}")
 
     def _declare(self, field: str, kind: Any, *rows: object) -> None:  # noqa: ANN401 - a type
-        channels = [row for row in rows if isinstance(row, Channel)]
+        channels = [row for row in rows if isinstance(row, ReportField)]
         if get_origin(kind) is tuple:
             self._vectors.add(field)
         elif channels:
@@ -176,7 +179,7 @@ class Catalogue:
             fields.append(f"{field!r}: ({', '.join(islice(number, len(rows)))}{comma})")
         return eval(f"lambda {arguments}: {{{', '.join(fields)}}}")
 
-    def __getitem__(self, key: str) -> Channel:
+    def __getitem__(self, key: str) -> ReportField:
         """Return the channel of a name."""
         return self._by_key[key]
 

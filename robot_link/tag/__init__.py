@@ -1,0 +1,1 @@
+"""Acoustic tags of animals: what a receiver on board says of them, and what a robot passes on."""
