@@ -32,6 +32,7 @@ from onboard.program import OnboardProgram
 from onboard.satellite.policy import CallLimits
 from onboard.satellite.receiver import FileStore, MemoryStore, Receiver
 from onboard.satellite.talk import SatelliteTalk, TalkSettings
+from onboard.tag_listener import TagListener
 from onboard.target.pinger import Pinger
 from robot_link.clock import Clock
 from robot_link.mavlink.signing import FileSigningMemory, Signing
@@ -65,6 +66,7 @@ class Computer:
         memory: Folder of what it remembers; None forgets.
         satellite: Its satellite node, and its key; None without a modem.
         acoustic: The node of its acoustic modem; None without one.
+        tag_receiver: The node of its receiver of acoustic tags; None without one.
         satellite_config: How it uses its modem, as built; by default as the station assumes.
     """
 
@@ -82,6 +84,7 @@ class Computer:
         satellite: tuple[NodeClient, bytes] | None = None,
         satellite_config: SatelliteConfig | None = None,
         acoustic: NodeClient | None = None,
+        tag_receiver: NodeClient | None = None,
     ) -> None:
         self.program = program
         started_at = clock.now()
@@ -116,6 +119,10 @@ class Computer:
         if acoustic is not None:
             self._nodes["acoustic"] = acoustic
             self._pinger = Pinger(program, acoustic, clock)
+        self._tags: TagListener | None = None
+        if tag_receiver is not None:
+            self._nodes["tag receiver"] = tag_receiver
+            self._tags = TagListener(robot, program, tag_receiver, self.link, clock, self.log)
         if satellite is not None and talk is not None:
             node, key = satellite
             self._nodes["satellite"] = node
@@ -145,6 +152,8 @@ class Computer:
                     group.create_task(node.run(), name=f"{name} node")
                 if self._pinger is not None:
                     group.create_task(self._pinger.run(), name="pinger")
+                if self._tags is not None:
+                    group.create_task(self._tags.run(), name="tag listener")
                 if self.talk is not None:
                     group.create_task(self.talk.run(), name="satellite talk")
         finally:
@@ -182,6 +191,10 @@ class Computer:
             self.link.report_current(current)
         if (actuators := self.program.due_actuator_report()) is not None:
             self.link.report_actuators(actuators)
+        condition = self.program.due_condition()
+        self.link.announce(self.program.channel_table)
+        if condition is not None:
+            self.link.report_health(condition, report.measured_at)
 
 
 def _own_parameters(

@@ -43,7 +43,7 @@ _MANNERS = {
     "SHORE_MARGIN_M": _Manner("shore_margin_m", 0.05, 50.0, "Comes up nearer to the shore, m"),
 }
 _SILENCE, _PERIOD, _BYTES = "SAT_SILENCE_S", "SAT_PERIOD_S", "SAT_BYTES"
-_DAY = "SAT_DAY_MAX"
+_DAY, _HEALTH = "SAT_DAY_MAX", "SAT_HEALTH_S"
 
 
 class OwnParameters:
@@ -103,6 +103,7 @@ class OwnParameters:
         if self._talk is not None:
             self._talk.limits = CallLimits(values[_SILENCE], values[_PERIOD], int(values[_DAY]))
             self._talk.record_bytes = int(values[_BYTES])
+            self._talk.health_s = values[_HEALTH]
 
 
 def _gain_parameters(controller: BacksteppingConfig) -> list[Parameter]:
@@ -145,5 +146,13 @@ def _satellite_parameters(talk: TalkSettings) -> list[Parameter]:
             _PERIOD, real, limits.session_period_s, 40.0, 86400.0, "Time between two calls, s"
         ),
         Parameter(_BYTES, whole, talk.record_bytes, 70, 340, "Most bytes of one record"),
+        Parameter(
+            _HEALTH,
+            real,
+            talk.health_s,
+            0.0,
+            86400.0,
+            "Time between two records of its condition, s; 0: neither that nor channels",
+        ),
         Parameter(_DAY, whole, limits.sessions_per_day, 24, 20_000, "Most sessions of a day"),
     ]

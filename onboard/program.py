@@ -1,11 +1,12 @@
 """The onboard program: ten times a second from readings to set points, never seeing the truth."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from datetime import datetime, timedelta
 from typing import Protocol
 
+from autonomy.channel import CHANNELS
 from autonomy.control.config import BacksteppingConfig
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import EnergyConfig
@@ -21,6 +22,7 @@ from onboard.flight.navigation import Estimate, Navigator
 from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
+from robot_link.channel_table import ChannelTable, TableRow
 from robot_link.messages import (
     CommandKind,
     OnboardPlanState,
@@ -49,6 +51,8 @@ _CURRENT_EVERY_S = 10.0
 _ACTUATORS_EVERY_S = 10.0
 """How often the robot says how its actuators follow; at once when that changes how it flies."""
 _ACTUATORS_LOOK_S = 1.0
+_CONDITION_EVERY_S = 30.0
+"""How often the robot says how it is itself; at once when a switch, such as a leak, changes."""
 ActuatorNews = tuple[bool, bool, tuple[Actuator, ...]]
 
 
@@ -126,7 +130,8 @@ class OnboardProgram:
     ) -> None:
         self._robot = robot
         self._stamp = stamp
-        self._variable = site.variable
+        self.variable = site.variable
+        """The field that is mapped here, a key of ``autonomy.channel``."""
         self._limits = vehicle.limits
         self._hardware = hardware
         self._started_at = started_at
@@ -146,12 +151,18 @@ class OnboardProgram:
         self.estimate: Estimate = self._read(0.0)
         self._sample_period_s = 0.0
         self._next_sample_s = 0.0
+        self._next_asked_s: dict[str, float] = {}
         self._told_mode: RobotMode | None = None
         self._told_plan: tuple[OnboardPlanState, int] | None = None
         self._told_current: tuple[RobotMode, int] | None = None
         self._next_current_s = 0.0
         self._told_actuators: ActuatorNews | None = None
         self._next_actuators_s = self._next_actuators_look_s = 0.0
+        self._next_condition_s = 0.0
+        self._condition_keys: frozenset[str] = frozenset()
+        self.newest_condition: tuple[Mapping[str, float], datetime] | None = None
+        """What the robot last said of itself, and when."""
+        self._told_switches: set[str] = set()
         self.is_talking = False
         """Whether a call by satellite is due or under way, for which the robot stays up."""
 
@@ -268,6 +279,35 @@ class OnboardProgram:
         self._next_actuators_s = self.time_s + _ACTUATORS_EVERY_S
         return self.actuator_report()
 
+    def due_condition(self) -> Mapping[str, float] | None:
+        """Return how the robot itself is, None where nothing new is to be said of it yet."""
+        condition = self._hardware.condition()
+        switches = {
+            key for key, value in condition.items() if value and CHANNELS[key].kind == "switch"
+        }
+        is_due = switches != self._told_switches or self.time_s >= self._next_condition_s
+        if not condition or not is_due:
+            return None
+        self._told_switches = switches
+        self._condition_keys |= condition.keys()
+        self.newest_condition = condition, self.now
+        self._next_condition_s = self.time_s + _CONDITION_EVERY_S
+        return condition
+
+    @property
+    def channel_table(self) -> ChannelTable:
+        """What the robot measures as it is equipped and told now."""
+        period_s = {
+            **dict.fromkeys(self._condition_keys, _CONDITION_EVERY_S),
+            **self._hardware.instruments,
+            self.variable: 0.0,  # as often as the mission says
+        }
+        named = ((CHANNELS[key], every_s) for key, every_s in period_s.items())
+        return ChannelTable.of(
+            TableRow(one.wire_number, one.key, one.unit, one.kind, every_s)
+            for one, every_s in named
+        )
+
     def step(self, radio: Radio) -> None:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""
         began_s = self.time_s
@@ -313,17 +353,34 @@ class OnboardProgram:
         return self._navigator.step(readings, self._set_points, began_s)
 
     def _measure(self, radio: Radio) -> None:
-        """Take a sample of the field when one is due on a leg or a pursuit."""
-        if not self.executive.is_sampling or self.time_s < self._next_sample_s:
+        """Take the samples that are due on a leg or a pursuit: all of them at one place and time.
+
+        Each instrument beside the planned field's is asked at its own rate.
+        """
+        if not self.executive.is_sampling:
             return
-        self._next_sample_s = self.time_s + self._sample_period_s
-        radio.record_sample(
-            self._variable,
-            self._hardware.measure_field(),
-            self.estimate.position_ned,
-            self.estimate.position_std_m,
-            self.now,
-        )
+        measured: dict[str, float] = {}
+        if self.time_s >= self._next_sample_s:
+            self._next_sample_s = self.time_s + self._sample_period_s
+            if (value := self._hardware.measure_field()) is not None:
+                measured[self.variable] = value
+        measured.update(self._hardware.measure(self._instruments_due()))
+        if not measured:
+            return
+        now = self.now
+        for channel, value in measured.items():
+            radio.record_sample(
+                channel, value, self.estimate.position_ned, self.estimate.position_std_m, now
+            )
+
+    def _instruments_due(self) -> list[str]:
+        """Return the channels to ask now; they count as asked."""
+        due: list[str] = []
+        for channel, period_s in self._hardware.instruments.items():
+            if channel != self.variable and self.time_s >= self._next_asked_s.get(channel, 0.0):
+                self._next_asked_s[channel] = self.time_s + period_s
+                due.append(channel)
+        return due
 
     def _tell(self, radio: Radio) -> None:
         """Say at once what has changed."""

@@ -197,6 +197,8 @@ class Executive:
                 return CommandOutcome.DONE
             case CommandKind.START:
                 return self._start(plan_digits)
+            case CommandKind.ARM | CommandKind.DISARM:
+                return CommandOutcome.UNSUPPORTED
 
     def step(
         self,

@@ -4,6 +4,7 @@ Both are the messages of the robot's hardware nodes (thesis section 2.1.2). The 
 implements ``Hardware``; a program that talks to real nodes would implement it over their sockets.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,6 +18,7 @@ class Readings:
     roll_rad: float
     pitch_rad: float
     heading_rad: float
+    """From true north; in the site's frame it differs by ``autonomy.frames.convergence_rad``."""
     gyro_rad_s: tuple[float, float, float]
     """Body rates about the forward, starboard and down axes."""
     net_buoyancy_kg: float
@@ -50,8 +52,24 @@ class Hardware(Protocol):
         """Return the newest readings of all sensors."""
         ...
 
-    def measure_field(self) -> float:
-        """Return one measurement of the field that is being mapped, in the variable's unit."""
+    def measure_field(self) -> float | None:
+        """Return one measurement of the field that is being mapped, in the variable's unit.
+
+        None where its instrument does not answer.
+        """
+        ...
+
+    @property
+    def instruments(self) -> Mapping[str, float]:
+        """How often each instrument beside that field's wants to be asked, s, by its channel."""
+        ...
+
+    def measure(self, channels: Iterable[str]) -> Mapping[str, float]:
+        """Return a measurement of each of these channels; those that do not answer are left out."""
+        ...
+
+    def condition(self) -> Mapping[str, float]:
+        """Return readings of the robot's own condition by the keys of their channels."""
         ...
 
     def actuate(self, command: SetPoints) -> None:

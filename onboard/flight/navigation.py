@@ -15,6 +15,7 @@ from autonomy.estimation.config import MODEL_FILTER_PRESETS, EstimatorConfig, Mo
 from autonomy.estimation.model_filter import ModelFilter
 from autonomy.estimation.position_filter import PositionFilter
 from autonomy.estimation.velocity_observer import VelocityObserver
+from autonomy.frames import TrueNorth
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.hardware import Readings, SetPoints
@@ -313,6 +314,9 @@ class Navigator:
         fix = readings.fix_ne_m
         if not all(map(math.isfinite, (*_numbers(readings), *(fix or ())))):
             raise ValueError("navigation must begin with finite readings")
+        self._north = TrueNorth(site.origin_latitude_deg)
+        self._place = fix or centre
+        readings = self._in_frame(readings)
         make = ModelTrack if config.method == "model" else ObserverTrack
         self._track: WaterTrack = make(
             config,
@@ -339,11 +343,12 @@ class Navigator:
             time_s: Time at the beginning of the step, on the clock of the tail's beat.
         """
         dt_s = self._period_s
-        readings = self._usable(readings)
+        readings = self._in_frame(self._usable(readings))
         self._attitude.step(dt_s, _angles(readings), readings.gyro_rad_s)
         now = self._track.step(dt_s, command, time_s, self._attitude, readings)
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
         north, east, down = now.position_ned
+        self._place = (north, east)
         position = (north, east, max(down, 0.0))
         attitude, rates = self._attitude.attitude_rad, self._attitude.rates_rad_s
         return Estimate(
@@ -373,6 +378,11 @@ class Navigator:
             readings = _mended(readings, self._good)
         self._good = readings
         return readings
+
+    def _in_frame(self, readings: Readings) -> Readings:
+        """Return readings whose heading counts from the frame's north, not from true north."""
+        lead_rad = self._north.convergence_rad(*self._place)
+        return replace(readings, heading_rad=readings.heading_rad - lead_rad)
 
     def _mean_heading(self) -> float:
         newest = float(self._attitude.attitude_rad[2])

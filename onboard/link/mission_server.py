@@ -37,7 +37,7 @@ class MissionVerdict:
     result: int = grace.MAV_MISSION_ACCEPTED
     """A MAV_MISSION_RESULT."""
     reason: str = ""
-    """Why not, a sentence; empty where it is on board."""
+    """Why not, a sentence; where it is on board, how it differs from what was asked for, or ""."""
 
 
 class MissionServer:

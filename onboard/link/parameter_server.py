@@ -26,10 +26,18 @@ class ParameterServer:
     Args:
         table: The parameters.
         may_write: Returns why the asker may not set parameters now, a sentence, or "".
+        encoding: How integers travel in the float field.
     """
 
-    def __init__(self, table: ParameterTable, may_write: Callable[[], str] = lambda: "") -> None:
+    def __init__(
+        self,
+        table: ParameterTable,
+        may_write: Callable[[], str] = lambda: "",
+        *,
+        encoding: IntegerEncoding = ENCODING,
+    ) -> None:
         self._table = table
+        self._encoding = encoding
         self._may_write = may_write
         self._owed: deque[int] = deque()
 
@@ -71,7 +79,7 @@ class ParameterServer:
             reason = f"{name} is of type {kept.type.name}"
             return self._refusal(kept, grace.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, reason)
         try:
-            return [self._message(self._table.set(name, from_wire(message, ENCODING)))]
+            return [self._message(self._table.set(name, from_wire(message, self._encoding)))]
         except ParameterUnkept as error:
             return self._refusal(kept, grace.MAV_PARAM_ERROR_PERMISSION_DENIED, str(error))
         except ValueError as error:
@@ -84,7 +92,7 @@ class ParameterServer:
     def _message(self, value: ParameterValue) -> WireMessage:
         return grace.MAVLink_param_value_message(
             param_id=name_octets(value.name),
-            param_value=to_wire(value.value, value.type, ENCODING),
+            param_value=to_wire(value.value, value.type, self._encoding),
             param_type=int(value.type),
             param_count=len(self._table),
             param_index=value.index,

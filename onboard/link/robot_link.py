@@ -3,10 +3,13 @@
 import asyncio
 import logging
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
 from functools import partial
+from itertools import islice
 
+from onboard.link.channel_announcer import ChannelAnnouncer
 from onboard.link.command_desk import CommandDesk, CommandMemory
 from onboard.link.newest_sender import NewestSender
 from onboard.link.plan_desk import PlanDesk, PlanOnBoard
@@ -15,9 +18,10 @@ from onboard.link.sample_sender import SampleSender
 from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.actuator_check import actuator_fault
+from robot_link.channel_table import ChannelTable
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.delivery import deliver
-from robot_link.mavlink import actuator, current, target, telemetry
+from robot_link.mavlink import actuator, current, detection, several, target, telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
@@ -37,14 +41,15 @@ from robot_link.messages import (
     SystemId,
 )
 from robot_link.mission import Mission
-from robot_link.report import ActuatorReport, CurrentReport, TargetReport
+from robot_link.report import ActuatorReport, CurrentReport, ReceiverReport, TargetReport
 from robot_link.robot_program import CommandOutcome, RobotProgram
-from robot_link.sample_log import Measurement, SampleLog
+from robot_link.sample_log import HeardTag, Measurement, SampleLog
 from robot_link.service.duplicate import DuplicateWatch
 from robot_link.service.file_store import FileStore, NoFiles
 from robot_link.service.heartbeat import robot_heartbeat
 from robot_link.service.pace import Pace
 from robot_link.service.parameter_table import ParameterTable
+from robot_link.tag.check import receiver_fault
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received
 
@@ -127,6 +132,16 @@ class RobotLink:
         self._targets = self._newest_sender(target.TARGET_FRAME_BYTES)
         self._currents = self._newest_sender(current.CURRENT_FRAME_BYTES)
         self._actuators = self._newest_sender(actuator.ACTUATOR_FRAME_BYTES)
+        self._receivers = self._newest_sender(detection.RECEIVER_FRAME_BYTES)
+        self._health = self._newest_sender(several.HEALTH_FRAME_BYTES)
+        self.channels = ChannelAnnouncer(
+            log,
+            clock,
+            lambda: transport.max_payload - self._codec.trailer_bytes,
+            self._send_page,
+            self._timing.announce_s,
+        )
+        """What the robot says that it measures."""
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
@@ -142,6 +157,7 @@ class RobotLink:
             master_s=self._patience_s,
             reply=self._answer,
             station_heard_s=lambda: self.last_heard_station_s,
+            channel_pages=self.channels.pages,
         )
         self._duplicates = DuplicateWatch()
         self.frames_bad = 0
@@ -200,6 +216,9 @@ class RobotLink:
                 ("targets", self._targets.run()),
                 ("currents", self._currents.run()),
                 ("actuators", self._actuators.run()),
+                ("receivers", self._receivers.run()),
+                ("health", self._health.run()),
+                ("channels", self.channels.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
@@ -239,6 +258,28 @@ class RobotLink:
         if not actuator_fault(report):
             self._actuators.put(partial(actuator.actuator_message, report))
 
+    def report_receiver(self, report: ReceiverReport) -> None:
+        """Send how the tag receiver fares once, as ``report_target`` sends a target."""
+        if not receiver_fault(report):
+            self._receivers.put(partial(detection.receiver_message, report))
+
+    def report_health(self, values: Mapping[str, float], measured_at: datetime) -> None:
+        """Send readings of the robot's own condition once; a newer report replaces a waiting one.
+
+        Those that have no room in a packet of the radio are left out, the last ones first.
+
+        Raises:
+            KeyError: If a channel is not declared.
+        """
+        most = several.at_once(self._transport.max_payload - self._codec.trailer_bytes)
+        message = several.health_message(dict(islice(values.items(), most)), measured_at)
+        if message.count:
+            self._health.put(lambda: message)
+
+    def announce(self, table: ChannelTable) -> None:
+        """Say what is measured from the next sample on; the same again changes nothing."""
+        self.channels.announce(table)
+
     def report_current(self, report: CurrentReport) -> None:
         """Send what is believed of the current once, as ``report_target`` sends a target."""
         if current.can_travel(report):
@@ -264,6 +305,17 @@ class RobotLink:
         return self._samples.record(
             Measurement(variable, value, position_ned, position_std_m, measured_at)
         )
+
+    def record_detection(self, heard: HeardTag) -> int:
+        """Keep a heard tag until it is stored ashore, and send it as a sample is sent.
+
+        Returns:
+            Its number in the log.
+
+        Raises:
+            ValueError: If it says what cannot be.
+        """
+        return self._samples.record(heard)
 
     def report_plan(
         self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""
@@ -309,6 +361,8 @@ class RobotLink:
         is_free = self._station is None or now_s - self._station_heard_s > self._patience_s
         if address != self._station and not is_free:
             return False
+        if address != self._station or now_s - self._station_heard_s > self._timing.stale_s:
+            self.channels.remind()
         self._station, self._station_heard_s = address, now_s
         self._station_known.set()
         self._samples.contact(address)
@@ -385,6 +439,12 @@ class RobotLink:
             await self._pace.spend(frame_bytes + self._codec.trailer_bytes)
 
         return NewestSender(wait_for_room, lambda message: self._send(message, 1))
+
+    async def _send_page(self, page: WireMessage) -> None:
+        await self._station_known.wait()
+        frame = self._codec.pack(page)
+        await self._pace.spend(len(frame))
+        await deliver(self._transport, self._station or BROADCAST, frame, attempts=_ATTEMPTS)
 
     async def _report_plan(self) -> None:
         await self._station_known.wait()

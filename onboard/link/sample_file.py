@@ -1,9 +1,10 @@
-"""The robot's memory of samples in a file: what was not ashore outlives the program.
+"""The robot's memory of samples and heard tags in a file: what was not ashore outlives the program.
 
 A line is written whenever a sample is kept, and whenever samples are known to be stored ashore;
 each begins with its own checksum::
 
     1f0a3b52 {"log": 1, "sequence": 0, "variable": "chlorophyll", "value": 2.5, ...}
+    9b20cc41 {"log": 1, "sequence": 1, "receiver": 450052, "tag": "A69-1601-179", ...}
     77a1c09e {"log": 1, "stored": [0]}
 
 So a program that is killed loses nothing. A power cut may take the last seconds, which the
@@ -19,9 +20,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from robot_link.mavlink.telemetry import sample_message
+from robot_link.mavlink.detection import entry_message
 from robot_link.messages import LogId
-from robot_link.sample_log import Measurement, MemorySampleLog, SampleKey
+from robot_link.sample_log import HeardTag, LogEntry, Measurement, MemorySampleLog, SampleKey
 from robot_link.whole_file import replace_file
 
 _SPARE_LINES = 1024
@@ -54,18 +55,23 @@ class FileSampleLog:
         self._is_readable = kept is not None
         self._rewrite()
 
-    def append(self, measurement: Measurement) -> SampleKey:
-        """Keep a measurement and return its name."""
-        key = self._memory.append(measurement)
-        self._write(_sample_line(key, measurement))
+    @property
+    def next_key(self) -> SampleKey:
+        """Name that the next entry gets."""
+        return self._memory.next_key
+
+    def append(self, entry: LogEntry) -> SampleKey:
+        """Keep an entry and return its name."""
+        key = self._memory.append(entry)
+        self._write(_entry_line(key, entry))
         return key
 
-    def get(self, key: SampleKey) -> Measurement | None:
-        """Return a measurement; None where it was forgotten."""
+    def get(self, key: SampleKey) -> LogEntry | None:
+        """Return an entry; None where it was forgotten."""
         return self._memory.get(key)
 
     def forget(self, keys: Iterable[SampleKey]) -> None:
-        """Drop measurements that are stored ashore."""
+        """Drop entries that are stored ashore."""
         known = [key for key in keys if self._memory.get(key) is not None]
         self._memory.forget(known)
         for log in dict.fromkeys(key.log for key in known):
@@ -82,9 +88,9 @@ class FileSampleLog:
         if not self._is_readable:
             return
         lines = [
-            _sample_line(key, measurement)
+            _entry_line(key, entry)
             for key in self._memory.kept()
-            if (measurement := self._memory.get(key)) is not None
+            if (entry := self._memory.get(key)) is not None
         ]
         try:
             replace_file(self._path, b"".join(lines))
@@ -113,9 +119,9 @@ class FileSampleLog:
         self._owed = 0
 
 
-def _read(path: Path) -> dict[SampleKey, Measurement] | None:
+def _read(path: Path) -> dict[SampleKey, LogEntry] | None:
     """Return what a file holds that was not known to be ashore; None if it cannot be read."""
-    kept: dict[SampleKey, Measurement] = {}
+    kept: dict[SampleKey, LogEntry] = {}
     try:
         lines = path.read_bytes().splitlines()
     except FileNotFoundError:
@@ -134,7 +140,7 @@ def _read(path: Path) -> dict[SampleKey, Measurement] | None:
     return kept
 
 
-def _take(content: Mapping[str, Any], kept: dict[SampleKey, Measurement]) -> None:
+def _take(content: Mapping[str, Any], kept: dict[SampleKey, LogEntry]) -> None:
     """Do what a line says.
 
     Raises:
@@ -147,29 +153,50 @@ def _take(content: Mapping[str, Any], kept: dict[SampleKey, Measurement]) -> Non
         for sequence in content["stored"]:
             kept.pop(SampleKey(log, int(sequence)), None)
         return
-    north_m, east_m, depth_m = content["position_ned"]
     key = SampleKey(log, int(content["sequence"]))
-    measurement = Measurement(
+    entry = _entry(content)
+    entry_message(key.log, key.sequence, entry)
+    kept[key] = entry
+
+
+def _entry(content: Mapping[str, Any]) -> LogEntry:
+    north_m, east_m, depth_m = content["position_ned"]
+    position_ned = float(north_m), float(east_m), float(depth_m)
+    position_std_m = float(content["position_std_m"])
+    measured_at = datetime.fromisoformat(content["measured_at"])
+    if "tag" in content:
+        sensor = content["sensor"]
+        return HeardTag(
+            receiver=int(content["receiver"]),
+            tag=str(content["tag"]),
+            sensor=None if sensor is None else int(sensor),
+            position_ned=position_ned,
+            position_std_m=position_std_m,
+            measured_at=measured_at,
+        )
+    return Measurement(
         variable=str(content["variable"]),
         value=float(content["value"]),
-        position_ned=(float(north_m), float(east_m), float(depth_m)),
-        position_std_m=float(content["position_std_m"]),
-        measured_at=datetime.fromisoformat(content["measured_at"]),
+        position_ned=position_ned,
+        position_std_m=position_std_m,
+        measured_at=measured_at,
     )
-    sample_message(key.log, key.sequence, measurement)
-    kept[key] = measurement
 
 
-def _sample_line(key: SampleKey, measurement: Measurement) -> bytes:
+def _entry_line(key: SampleKey, entry: LogEntry) -> bytes:
+    what = (
+        {"receiver": entry.receiver, "tag": entry.tag, "sensor": entry.sensor}
+        if isinstance(entry, HeardTag)
+        else {"variable": entry.variable, "value": float(entry.value)}
+    )
     return _line(
         {
             "log": key.log,
             "sequence": key.sequence,
-            "variable": measurement.variable,
-            "value": float(measurement.value),
-            "position_ned": [float(one) for one in measurement.position_ned],
-            "position_std_m": float(measurement.position_std_m),
-            "measured_at": measurement.measured_at.isoformat(),
+            **what,
+            "position_ned": [float(one) for one in entry.position_ned],
+            "position_std_m": float(entry.position_std_m),
+            "measured_at": entry.measured_at.isoformat(),
         }
     )
 

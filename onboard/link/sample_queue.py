@@ -42,11 +42,19 @@ class SampleQueue:
         taken: list[SampleKey] = []
         while len(taken) < count and self._peek() is not None and self._heap[0][0] <= now_s:
             taken.append(heapq.heappop(self._heap)[1])
-        for key in taken:
+        self.send(taken, now_s)
+        return taken
+
+    def holds(self, key: SampleKey) -> bool:
+        """Tell whether a sample is neither sent for good nor unknown."""
+        return key in self._due_s
+
+    def send(self, keys: Iterable[SampleKey], now_s: float) -> None:
+        """Count samples as sent now, due or not; each is due again after its wait."""
+        for key in keys:
             wait_s = self._waits_s.get(key, self._first_wait_s)
             self._waits_s[key] = min(2 * wait_s, self._longest_wait_s)
             self._schedule(key, now_s + wait_s)
-        return taken
 
     def hurry(self, keys: Iterable[SampleKey]) -> None:
         """Make samples due at once that did not leave, as if they had not been sent."""

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Sequence
 from onboard.link.sample_queue import SampleQueue
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import Codec, packets
-from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message
+from robot_link.mavlink.detection import entry_message
+from robot_link.mavlink.several import at_once, samples_message
+from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES
 from robot_link.messages import LogId
-from robot_link.sample_log import Measurement, SampleKey, SampleLog
+from robot_link.sample_log import LogEntry, Measurement, SampleKey, SampleLog
 from robot_link.service.pace import Pace
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
@@ -53,15 +55,15 @@ class SampleSender:
     def __len__(self) -> int:
         return len(self._queue)
 
-    def record(self, measurement: Measurement) -> int:
-        """Keep a measurement and return its number.
+    def record(self, entry: LogEntry) -> int:
+        """Keep a measurement or a heard tag and return its number.
 
         Raises:
-            ValueError: If a number is not finite.
+            ValueError: If it says what cannot be, such as a number that is not finite.
             KeyError: If no such variable is declared.
         """
-        sample_message(LogId(0), 0, measurement)
-        key = self._log.append(measurement)
+        entry_message(LogId(0), 0, entry)
+        key = self._log.append(entry)
         self._queue.add(key)
         self._stirred.set()
         return key.sequence
@@ -92,16 +94,45 @@ class SampleSender:
             count = max(1, self._transport.max_payload // self._frame_bytes)
             keys = self._queue.take(count, monotonic_s())
             if keys:
-                await self._send(station, keys)
+                await self._send(station, self._groups(keys))
             else:
                 await self._wait()
 
-    async def _send(self, station: Address, keys: list[SampleKey]) -> None:
-        frames = [
-            self._codec.pack(sample_message(key.log, key.sequence, measurement))
-            for key in keys
-            if (measurement := self._log.get(key)) is not None
-        ]
+    def _groups(self, keys: Sequence[SampleKey]) -> list[list[SampleKey]]:
+        """Return samples with those that follow them and were taken at the same place and time."""
+        most = at_once(self._transport.max_payload - self._codec.trailer_bytes)
+        groups: list[list[SampleKey]] = []
+        grouped: set[SampleKey] = set()
+        for key in keys:
+            if key in grouped:
+                continue
+            group, entry = [key], self._log.get(key)
+            following = SampleKey(key.log, key.sequence + 1)
+            while (
+                len(group) < most
+                and self._queue.holds(following)
+                and following not in grouped
+                and _is_beside(entry, self._log.get(following))
+            ):
+                group.append(following)
+                following = SampleKey(key.log, following.sequence + 1)
+            groups.append(group)
+            grouped.update(group)
+        self._queue.send(grouped.difference(keys), monotonic_s())
+        return groups
+
+    def _frame(self, group: Sequence[SampleKey]) -> bytes | None:
+        """Return the frame of a group; None where it may be forgotten meanwhile."""
+        entries = [entry for key in group if (entry := self._log.get(key)) is not None]
+        measured = [entry for entry in entries if isinstance(entry, Measurement)]
+        first = group[0]
+        if len(group) > 1 and len(measured) == len(group):
+            return self._codec.pack(samples_message(first.log, first.sequence, measured))
+        return self._codec.pack(entry_message(*first, entries[0])) if entries else None
+
+    async def _send(self, station: Address, groups: list[list[SampleKey]]) -> None:
+        keys = [key for group in groups for key in group]
+        frames = [frame for group in groups if (frame := self._frame(group)) is not None]
         for packet in packets(frames, self._transport.max_payload):
             await self._pace.spend(len(packet))
             try:
@@ -132,3 +163,14 @@ class SampleSender:
                 await self._stirred.wait()
         except TimeoutError:
             pass
+
+
+def _is_beside(entry: LogEntry | None, other: LogEntry | None) -> bool:
+    """Tell whether two measurements were taken at one place and time."""
+    return (
+        isinstance(entry, Measurement)
+        and isinstance(other, Measurement)
+        and entry.measured_at == other.measured_at
+        and entry.position_ned == other.position_ned
+        and entry.position_std_m == other.position_std_m
+    )

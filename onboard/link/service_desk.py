@@ -82,6 +82,7 @@ class ServiceDesk:
         master_s: Silence after which a ground station counts as gone.
         reply: Called with each answer, which goes out before anything else.
         station_heard_s: Returns how long the robot's own station has been silent.
+        channel_pages: Returns the pages of the table of channels.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class ServiceDesk:
         master_s: float,
         reply: Callable[[Address, WireMessage], None],
         station_heard_s: Callable[[], float],
+        channel_pages: Callable[[], Sequence[WireMessage]],
     ) -> None:
         self._system = system
         self._clock = clock
@@ -110,6 +112,7 @@ class ServiceDesk:
         self._master_s = master_s
         self._reply = reply
         self._station_heard_s = station_heard_s
+        self._channel_pages = channel_pages
         self._began_at: datetime = clock.now()
         self._askers: dict[tuple[SystemId, int], _AskerServices] = {}
         self._stirred = asyncio.Event()
@@ -238,13 +241,15 @@ class ServiceDesk:
             reason = "the robot takes missions from its own station only"
             return MissionVerdict(grace.MAV_MISSION_DENIED, reason)
         try:
-            mission = mission_of_waypoints(items, self.state.position_ned, self._rules)
+            notes: list[str] = []
+            here = self.state.position_ned
+            mission = mission_of_waypoints(items, here, self._rules, notes.append)
         except WaypointRefusal as error:
             return MissionVerdict(error.result, str(error))
         if refusal := self._plan.take_mission(mission, start=False):
             return MissionVerdict(grace.MAV_MISSION_ERROR, refusal)
         self._uploaded = (mission.sha256(), tuple(items))
-        return MissionVerdict()
+        return MissionVerdict(reason="; ".join(notes))
 
     def _waypoints(self) -> Sequence[StandardItem]:
         """Return the plan on board as it was uploaded, or as the ends of its legs."""
@@ -292,6 +297,10 @@ class ServiceDesk:
         if message_id == grace.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             self._reply(one.address, autopilot_version(self._system))
             return grace.MAV_RESULT_ACCEPTED
+        if message_id == grace.MAVLINK_MSG_ID_GRACE_CHANNELS:
+            pages = self._channel_pages()
+            self._reply_all(one, pages)
+            return grace.MAV_RESULT_ACCEPTED if pages else grace.MAV_RESULT_TEMPORARILY_REJECTED
         if self.state is None or self._rules is None:
             return grace.MAV_RESULT_TEMPORARILY_REJECTED
         source = TelemetrySource(self.state, self._began_at, self._rules)

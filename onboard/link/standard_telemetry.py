@@ -5,12 +5,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from autonomy.frames import wgs84_from_ned
+from autonomy.frames import convergence_rad, wgs84_from_ned
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.messages import StateReport, SystemId
 
+_SENSORS = (
+    grace.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | grace.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | grace.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | grace.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | grace.MAV_SYS_STATUS_SENSOR_BATTERY
+    | grace.MAV_SYS_STATUS_AHRS
+)
+"""What every robot flies with: one whose sensor is dead says so by its own reports."""
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SURFACE_HPA = 1013.25
 _HPA_PER_M = 98.0665
@@ -58,6 +67,12 @@ class TelemetrySource:
         latitude, longitude = place.tolist()
         return round(latitude * 1e7), round(longitude * 1e7)
 
+    @property
+    def convergence_rad(self) -> float:
+        """What is added to a heading from the site's north to have the true one."""
+        place = self.state.position_ned[:2]
+        return float(convergence_rad(place, self.rules.origin_latitude_deg))
+
 
 def telemetry_message(message_id: int, source: TelemetrySource) -> WireMessage | None:
     """Return a standard message of a state; None for one that robots here do not have."""
@@ -88,7 +103,7 @@ def _attitude(source: TelemetrySource) -> WireMessage:
         time_boot_ms=source.boot_ms,
         roll=state.roll_rad,
         pitch=state.pitch_rad,
-        yaw=state.heading_rad,
+        yaw=math.remainder(state.heading_rad + source.convergence_rad, math.tau),
         rollspeed=0.0,
         pitchspeed=0.0,
         yawspeed=0.0,
@@ -106,17 +121,19 @@ def _local_position(source: TelemetrySource) -> WireMessage:
 def _global_position(source: TelemetrySource) -> WireMessage:
     latitude, longitude = source.latitude_longitude_e7
     state = source.state
-    height_mm = _clipped(-state.position_ned[2] * 1e3, 31)
+    height_mm = _clipped(-max(0.0, state.position_ned[2]) * 1e3, 31)
+    lead_rad = source.convergence_rad
+    north, east = state.velocity_ned[:2]
     return grace.MAVLink_global_position_int_message(
         time_boot_ms=source.boot_ms,
         lat=latitude,
         lon=longitude,
         alt=height_mm,
         relative_alt=height_mm,
-        vx=_clipped(state.velocity_ned[0] * 100, 15),
-        vy=_clipped(state.velocity_ned[1] * 100, 15),
+        vx=_clipped((north * math.cos(lead_rad) - east * math.sin(lead_rad)) * 100, 15),
+        vy=_clipped((north * math.sin(lead_rad) + east * math.cos(lead_rad)) * 100, 15),
         vz=_clipped(state.velocity_ned[2] * 100, 15),
-        hdg=_course_cdeg(state.heading_rad),
+        hdg=_course_cdeg(state.heading_rad + lead_rad),
     )
 
 
@@ -149,11 +166,13 @@ def _pressure(source: TelemetrySource) -> WireMessage:
 
 
 def _system_status(source: TelemetrySource) -> WireMessage:
+    gps = grace.MAV_SYS_STATUS_SENSOR_GPS if source.state.has_fix else 0
     return grace.MAVLink_sys_status_message(
-        onboard_control_sensors_present=0,
-        onboard_control_sensors_enabled=0,
+        onboard_control_sensors_present=_SENSORS | grace.MAV_SYS_STATUS_SENSOR_GPS,
+        # Under water there is no GPS to be ill.
+        onboard_control_sensors_enabled=_SENSORS | gps,
         # There is no fence; without this bit MAVProxy calls it breached.
-        onboard_control_sensors_health=grace.MAV_SYS_STATUS_GEOFENCE,
+        onboard_control_sensors_health=_SENSORS | gps | grace.MAV_SYS_STATUS_GEOFENCE,
         load=0,
         voltage_battery=_battery_mv(source),
         current_battery=-1,
@@ -185,6 +204,35 @@ def _battery(source: TelemetrySource) -> WireMessage:
     )
 
 
+def _head_up(source: TelemetrySource) -> WireMessage:
+    state = source.state
+    true_rad = state.heading_rad + source.convergence_rad
+    return grace.MAVLink_vfr_hud_message(
+        airspeed=0.0,
+        groundspeed=math.hypot(*state.velocity_ned[:2]),
+        heading=round(math.degrees(true_rad)) % 360,
+        throttle=0,
+        alt=-max(0.0, state.position_ned[2]),
+        climb=-state.velocity_ned[2],
+    )
+
+
+def _estimator(source: TelemetrySource) -> WireMessage:
+    good = grace.ESTIMATOR_ATTITUDE | grace.ESTIMATOR_POS_VERT_ABS | grace.ESTIMATOR_POS_HORIZ_REL
+    return grace.MAVLink_estimator_status_message(
+        time_usec=source.unix_us,
+        flags=good | (grace.ESTIMATOR_POS_HORIZ_ABS if source.state.has_fix else 0),
+        vel_ratio=0.0,
+        pos_horiz_ratio=0.0,
+        pos_vert_ratio=0.0,
+        mag_ratio=0.0,
+        hagl_ratio=0.0,
+        tas_ratio=0.0,
+        pos_horiz_accuracy=source.state.position_std_m,
+        pos_vert_accuracy=0.0,
+    )
+
+
 def _system_time(source: TelemetrySource) -> WireMessage:
     return grace.MAVLink_system_time_message(
         time_unix_usec=source.unix_us, time_boot_ms=source.boot_ms
@@ -200,6 +248,8 @@ _MAKERS: dict[int, Callable[[TelemetrySource], WireMessage]] = {
     grace.MAVLINK_MSG_ID_SYS_STATUS: _system_status,
     grace.MAVLINK_MSG_ID_BATTERY_STATUS: _battery,
     grace.MAVLINK_MSG_ID_SYSTEM_TIME: _system_time,
+    grace.MAVLINK_MSG_ID_VFR_HUD: _head_up,
+    grace.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator,
 }
 
 

@@ -22,6 +22,8 @@ DEFAULT_PERIODS_S: Final[Mapping[int, float]] = MappingProxyType(
         grace.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
         grace.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
         grace.MAVLINK_MSG_ID_SYSTEM_TIME: 5.0,
+        grace.MAVLINK_MSG_ID_VFR_HUD: 1.0,
+        grace.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 2.0,
     }
 )
 """What a ground station that asks for nothing in particular is sent, and how often."""

@@ -1,13 +1,14 @@
 """Standard mission items as this project's legs, and back; pure.
 
 A waypoint at the depth of the one before it is swum to, one at another depth is glided to; a
-waypoint straight above or below is a dive. Heights above the water are the surface. What a gliding
-robot cannot fly is refused by the number of the item: loiters, jumps, take-offs, slopes that are
-too flat or too steep.
+waypoint straight above or below is a dive. Where the slope is too flat for a glide, the flattest
+one is followed by a swim; where it is too steep, a dive comes before the steepest one. The ends of
+the legs are the waypoints themselves, and what was added is told. What a gliding robot cannot fly
+is refused by the number of the item: loiters, jumps, take-offs, places above the water or too deep.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from autonomy.frames import ned_from_wgs84, wgs84_from_ned
@@ -29,6 +30,8 @@ _LOCAL_M = 1e-4
 _ABOVE_M = 0.5
 """A waypoint at the surface may be so much above it: whoever sets it knows the level no better."""
 _SAME_M = 0.01
+_SLOPE_DEG = 0.1
+"""So much a slope may exceed the robot's window: less than any robot holds its angle."""
 
 
 class WaypointRefusal(ValueError):  # noqa: N818 - an answer, as others of this name
@@ -67,8 +70,18 @@ class WaypointRules:
     """The mission ends after so many times its planned duration."""
 
 
+_TOO_FLAT, _TOO_STEEP = "too flat for one glide, a swim is added", "too steep, a dive is added"
+
+
+def _unheard(_note: str) -> None:
+    """Do not want to know."""
+
+
 def mission_of_waypoints(
-    items: Sequence[StandardItem], start: PositionNed, rules: WaypointRules
+    items: Sequence[StandardItem],
+    start: PositionNed,
+    rules: WaypointRules,
+    tell: Callable[[str], None] = _unheard,
 ) -> Mission:
     """Build the mission that standard items describe.
 
@@ -76,6 +89,7 @@ def mission_of_waypoints(
         items: The items in order.
         start: Where the robot is; the first leg begins there, at the surface.
         rules: How waypoints are flown.
+        tell: Called with a sentence on waypoints that are reached in another way than by one leg.
 
     Raises:
         WaypointRefusal: If an item cannot be flown, or none is a waypoint.
@@ -83,12 +97,16 @@ def mission_of_waypoints(
     here: PositionNed = (start[0], start[1], 0.0)
     speed_m_s = rules.swim_speed_m_s
     legs: list[Leg] = []
+    added: dict[str, list[int]] = {_TOO_FLAT: [], _TOO_STEEP: []}
     for number, item in enumerate(items):
         match item.command:
             case grace.MAV_CMD_NAV_WAYPOINT:
                 there = _place(number, item, rules)
                 if _distance(here, there) > _SAME_M:
-                    legs.append(_leg(number, here, there, speed_m_s, rules))
+                    way, note = _way(here, there, speed_m_s, rules)
+                    legs += way
+                    if note:
+                        added[note].append(number)
                     here = there
             case grace.MAV_CMD_DO_CHANGE_SPEED:
                 speed_m_s = _speed(number, item, speed_m_s)
@@ -97,12 +115,16 @@ def mission_of_waypoints(
                 here = (here[0], here[1], 0.0)
                 home: PositionNed = (start[0], start[1], 0.0)
                 if _distance(here, home) > _SAME_M:
-                    legs.append(_leg(number, here, home, speed_m_s, rules))
+                    legs += _way(here, home, speed_m_s, rules)[0]
                     here = home
             case _:
                 reason = f"command {item.command} cannot be flown by a glider"
                 raise WaypointRefusal(number, grace.MAV_MISSION_UNSUPPORTED, reason)
     legs += _up(here, rules)
+    for note, numbers in added.items():
+        if numbers:
+            plural = "s" if len(numbers) > 1 else ""
+            tell(f"item{plural} {', '.join(map(str, numbers))}: {note}")
     if not legs:
         raise WaypointRefusal(0, grace.MAV_MISSION_INVALID, "the mission leads nowhere")
     duration_s = sum(leg.duration_s for leg in legs)
@@ -165,23 +187,45 @@ def _speed(number: int, item: StandardItem, speed_m_s: float) -> float:
     return asked
 
 
-def _leg(
-    number: int, here: PositionNed, there: PositionNed, speed_m_s: float, rules: WaypointRules
-) -> Leg:
+def _way(
+    here: PositionNed, there: PositionNed, speed_m_s: float, rules: WaypointRules
+) -> tuple[list[Leg], str]:
+    """Return the legs that lead from one waypoint to the next, and what had to be added."""
     heading = math.atan2(there[1] - here[1], there[0] - here[0])
     along = math.dist(here[:2], there[:2])
     down = abs(there[2] - here[2])
     if down <= _SAME_M:
-        return _built(PrimitiveKind.SWIM, here, there, speed_m_s, along / speed_m_s, heading)
+        return [_swim(here, there, speed_m_s, heading)], ""
     vertical = rules.vertical_speed_m_s
     if along <= _SAME_M:
-        return _built(PrimitiveKind.DIVE, here, there, vertical, down / vertical, heading)
+        return [_vertical(PrimitiveKind.DIVE, here, there, vertical, heading)], ""
     slope_deg = math.degrees(math.atan2(down, along))
-    if not rules.flattest_glide_deg <= slope_deg <= rules.steepest_glide_deg:
-        possible = f"{rules.flattest_glide_deg:g}..{rules.steepest_glide_deg:g} deg"
-        reason = f"the glide to it slopes {slope_deg:.0f} deg, {possible} can be flown"
-        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
-    return _built(PrimitiveKind.GLIDE, here, there, vertical, down / vertical, heading)
+    if slope_deg < rules.flattest_glide_deg - _SLOPE_DEG:
+        part = down / math.tan(math.radians(rules.flattest_glide_deg)) / along
+        north, east = (a + part * (b - a) for a, b in zip(here[:2], there[:2], strict=True))
+        between: PositionNed = (north, east, there[2])
+        glide = _vertical(PrimitiveKind.GLIDE, here, between, vertical, heading)
+        return [glide, _swim(between, there, speed_m_s, heading)], _TOO_FLAT
+    if slope_deg > rules.steepest_glide_deg + _SLOPE_DEG:
+        glided = along * math.tan(math.radians(rules.steepest_glide_deg))
+        between = (here[0], here[1], there[2] - math.copysign(glided, there[2] - here[2]))
+        dive = _vertical(PrimitiveKind.DIVE, here, between, vertical, heading)
+        glide = _vertical(PrimitiveKind.GLIDE, between, there, vertical, heading)
+        return [dive, glide], _TOO_STEEP
+    return [_vertical(PrimitiveKind.GLIDE, here, there, vertical, heading)], ""
+
+
+def _swim(here: PositionNed, there: PositionNed, speed_m_s: float, heading_rad: float) -> Leg:
+    duration_s = math.dist(here[:2], there[:2]) / speed_m_s
+    return _built(PrimitiveKind.SWIM, here, there, speed_m_s, duration_s, heading_rad)
+
+
+def _vertical(
+    kind: PrimitiveKind, here: PositionNed, there: PositionNed, speed_m_s: float, heading_rad: float
+) -> Leg:
+    """Return a leg whose speed is its vertical one."""
+    duration_s = abs(there[2] - here[2]) / speed_m_s
+    return _built(kind, here, there, speed_m_s, duration_s, heading_rad)
 
 
 def _up(here: PositionNed, rules: WaypointRules) -> list[Leg]:

@@ -6,11 +6,14 @@
 | read | | what ``readings`` published last |
 
 Topic ``readings``: the fields of ``Readings``, with ``count_s`` (the robot's counter at that
-moment) and ``field`` (one measurement of what is being mapped, in its unit).
+moment), ``field`` (one measurement of what is being mapped, in its unit; null of a dead sensor),
+``instruments`` (of each other, by its channel, how often it wants to be asked, s), ``measured`` (a
+measurement of each that answers) and ``condition`` (readings of the robot itself by the keys of
+their channels).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -47,6 +50,9 @@ class BodyNode:
             **asdict(self._hardware.read()),
             "count_s": self._count_s(),
             "field": self._hardware.measure_field(),
+            "instruments": dict(self._hardware.instruments),
+            "measured": dict(self._hardware.measure(self._hardware.instruments)),
+            "condition": dict(self._hardware.condition()),
         }
         self.server.publish(READINGS, self._newest, is_state=True)
 
@@ -74,7 +80,10 @@ class RemoteBody:
         self._node = node
         self._readings: Subscription = node.subscribe(READINGS, _WAITING)
         self._newest: Readings | None = None
-        self._field = 0.0
+        self._field: float | None = None
+        self._instruments: Mapping[str, float] = {}
+        self._measured: Mapping[str, float] = {}
+        self._condition: Mapping[str, float] = {}
         self._wanted: SetPoints | None = None
         self.count_s = 0.0
         """The robot's counter when the newest readings were taken."""
@@ -83,6 +92,9 @@ class RemoteBody:
         """Wait for the next readings."""
         value = dict(await self._readings.get())
         self.count_s, self._field = value.pop("count_s"), value.pop("field")
+        self._instruments = value.pop("instruments", {})
+        self._measured = value.pop("measured", {})
+        self._condition = value.pop("condition", {})
         fix = value.pop("fix_ne_m")
         gyro = tuple(value.pop("gyro_rad_s"))
         self._newest = Readings(
@@ -110,9 +122,22 @@ class RemoteBody:
             raise RuntimeError("the body has not been heard yet")
         return self._newest
 
-    def measure_field(self) -> float:
-        """Return the newest measurement of the field, in the variable's unit."""
+    def measure_field(self) -> float | None:
+        """Return the newest measurement of the field, in the variable's unit, if there is one."""
         return self._field
+
+    @property
+    def instruments(self) -> Mapping[str, float]:
+        """How often each further instrument wants to be asked, s, by its channel."""
+        return self._instruments
+
+    def measure(self, channels: Iterable[str]) -> Mapping[str, float]:
+        """Return the newest measurement of each of these channels that there is."""
+        return {key: self._measured[key] for key in channels if key in self._measured}
+
+    def condition(self) -> Mapping[str, float]:
+        """Return the newest readings of the robot itself."""
+        return self._condition
 
     def actuate(self, command: SetPoints) -> None:
         """Note set points; ``push`` sends them."""

@@ -97,6 +97,9 @@ class TalkSettings:
     limits: CallLimits
     record_bytes: int
     """Most bytes of one record."""
+    health_s: float = 3600.0
+    """Least time between two records that tell the robot's own condition; with 0 none tells that,
+    nor the channels, which older stations do not understand."""
 
 
 class SatelliteTalk:
@@ -137,7 +140,9 @@ class SatelliteTalk:
         note: Callable[[str], None] = _log.info,
     ) -> None:
         self._robot = robot
-        self._records = RecordWriter(robot, system, key, link, program, samples, clock)
+        self._records = RecordWriter(
+            robot, system, key, link, program, samples, clock, lambda: settings.health_s
+        )
         self._client = client
         self._rings = client.rings()
         self._receiver = receiver
