@@ -53,6 +53,7 @@ def computer_of(
     memory: Path | None,
     satellite: NodeClient | None,
     acoustic: NodeClient | None = None,
+    tag_receiver: NodeClient | None = None,
 ) -> Computer:
     """Return a robot's computer; it talks by satellite only with a key in its memory.
 
@@ -64,6 +65,7 @@ def computer_of(
         memory: Folder of what it remembers; None forgets.
         satellite: Its satellite node; None without a modem.
         acoustic: Its acoustic node; None without a modem.
+        tag_receiver: The node of its receiver of acoustic tags; None without one.
 
     Raises:
         KeyUnreadableError: If the robot's key is none.
@@ -84,4 +86,5 @@ def computer_of(
         satellite=None if satellite is None or key is None else (satellite, key),
         satellite_config=definition.satellite,
         acoustic=acoustic,
+        tag_receiver=tag_receiver,
     )

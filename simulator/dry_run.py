@@ -136,6 +136,7 @@ def _definition(problem: DryRunProblem, number: int) -> RobotDefinition:
                 start_ne_m=problem.start_ne_m,
                 heading_rad=problem.heading_rad,
                 drift_m_sqrt_s=problem.drift_m_sqrt_s,
+                instruments=(),
                 current_ne_m_s=_current_ne_m_s(problem, number),
                 flow=None if problem.flow is None else Tabled(table_of(problem.flow)),
             )

@@ -16,6 +16,7 @@ from onboard.node.gps_clock import GpsClockNode, discipline
 from onboard.node.satellite import SatelliteNode
 from onboard.node.satellite_9602 import Driver9602
 from onboard.node.server import NodeServer
+from onboard.node.tag_receiver import TagReceiverNode
 from onboard.node.wire import NodeAddress
 from robot_link.clock import Clock
 from robot_link.whole_file import replace_file
@@ -27,6 +28,7 @@ from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
+from simulator.tag_receiver import TagReceiver
 
 _CLOCK_SEED = 3
 """Tells the randomness of a robot's counter from that of its water and its sensors."""
@@ -115,7 +117,7 @@ async def equipped(
             satellite = SatelliteNode(Driver9602.at(line))
             await serve(satellite.server, satellite.run())
         if definition.clock is not None:
-            gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_sky)
+            gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_gps)
             await serve(gps.server, gps.run())
         if definition.acoustic_address is not None:
             await stack.enter_async_context(acoustic_modems(settings, definition, body, time.truth))
@@ -123,6 +125,12 @@ async def equipped(
             await serve(node.server, node.run())
             events = alongside(node.drain(), f"{definition.robot} acoustic events")
             await stack.enter_async_context(events)
+        if definition.tag_receiver is not None:
+            line = device_path("tag-receiver")
+            heard_in = TagReceiver.of(definition, settings.seed, body, time.truth)
+            await stack.enter_async_context(heard_in.pty(line))
+            tags = TagReceiverNode(line)
+            await serve(tags.server, tags.run())
         for server in more:
             await serve(server, None)
         directory = device_path("nodes.json")

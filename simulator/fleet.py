@@ -16,9 +16,12 @@ from robot_link.satellite.config import SatelliteConfig
 from robot_link.transport.datagram import Address
 from simulator.acoustic_modem import AcousticConditions
 from simulator.battery import BatteryModel
-from simulator.fault import NO_FAULTS, ActuatorFaults
+from simulator.fault import CAUSED_FAULTS, NO_FAULTS, OXYGEN, RobotFaults
 from simulator.flow import Flow
+from simulator.instrument import Instrument, instrument
 from simulator.sensor import SensorModel
+from simulator.sub.definition import SUB_1, SubDefinition
+from simulator.tag import LAKE_TAGS, SimulatedTag
 from simulator.target import LAKE_TARGETS, TANK_TARGETS, AcousticTarget
 
 STATION_ADDRESS = 1
@@ -50,11 +53,13 @@ class RobotDefinition:
     """Deeper than this no radio passes, unless the site lets it."""
     sensors: SensorModel
     battery: BatteryModel
+    instruments: tuple[Instrument, ...] = ()
+    """What it measures beside the planned field of its water."""
     current_ne_m_s: tuple[float, float] = (0.0, 0.0)
     """Current that stays, which the robot does not know of."""
     flow: Flow | None = None
     """What else moves its water, by place, depth and time; nobody is told of it."""
-    faults: ActuatorFaults = NO_FAULTS
+    faults: RobotFaults = NO_FAULTS
     """What is wrong with its actuators, which nobody is told."""
     antenna_ne_m: tuple[float, float] = (0.0, 0.0)
     """Where the station's antenna stands."""
@@ -72,10 +77,21 @@ class RobotDefinition:
     """Address of its acoustic modem; None without one."""
     has_station_acoustics: bool = False
     """Whether the station has an acoustic modem in its water."""
+    tag_receiver: int | None = None
+    """Serial number of its receiver of acoustic tags; None without one."""
+    tags: tuple[SimulatedTag, ...] = ()
+    """Tags in its water."""
     targets: tuple[AcousticTarget, ...] = ()
     """What else answers pings in its water."""
     acoustics: AcousticConditions = field(default_factory=AcousticConditions)
     """How sound goes in its water."""
+
+    @property
+    def fault_names(self) -> tuple[str, ...]:
+        """Which of ``CAUSED_FAULTS`` it can have."""
+        carried = {self.site.variable, *(one.channel for one in self.instruments)}
+        has_optode = not carried.isdisjoint(OXYGEN)
+        return tuple(name for name in CAUSED_FAULTS if name != "optode" or has_optode)
 
     @property
     def estimator(self) -> EstimatorConfig:
@@ -130,6 +146,7 @@ MINI_1 = RobotDefinition(
         full_v=10.8,
         empty_v=8.8,
     ),
+    instruments=(instrument("temperature", 2.0),),
     acoustic_address=3,
     targets=TANK_TARGETS,
     acoustics=AcousticConditions(travel_time_std_s=2e-4, echo_s=0.004, range_m=20.0),
@@ -182,6 +199,10 @@ GRACE_1 = RobotDefinition(
         full_v=21.0,
         empty_v=16.0,
     ),
+    instruments=tuple(
+        instrument(channel, 10.0)
+        for channel in ("dissolved_oxygen", "temperature", "par", "blue_green_algae")
+    ),
     antenna_ne_m=(60.0, 90.0),
     radio_range_m=150.0,
     far_ne_m=(360.0, 350.0),
@@ -191,29 +212,155 @@ GRACE_1 = RobotDefinition(
     acoustic_address=2,
     has_station_acoustics=True,
     targets=LAKE_TARGETS,
+    tag_receiver=480123,
+    tags=LAKE_TAGS,
 )
 """GRACE 3 in the practice lake; GPS fixes its position at the surface.
 
 The station's antenna stands on a jetty in the south-west; beyond its range the satellite is left.
 """
 
-FLEET: dict[RobotId, RobotDefinition] = {
-    definition.robot: definition for definition in (MINI_1, MINI_2, GRACE_1)
-}
-"""Every simulated robot by its name."""
+_KINDS = {"miniglider": "mini", "grace3": "grace", "sub": "sub"}
+"""What robots of a kind are called, with a number behind a dash."""
+_FIRST_SYSTEM = {"mini": 20, "grace": 80, "sub": 140}
+"""System ids of the robots beyond those that are written out above begin behind these."""
+_KIND_MAX = 50
+_LEAST_FLOOR_M = 0.5
+
+
+class _Fleet(dict[RobotId, RobotDefinition]):
+    """The robots that are written out; others of their kinds are made as they are asked for."""
+
+    def __missing__(self, robot: RobotId) -> RobotDefinition:
+        prefix = robot.partition("-")[0]
+        like = {"mini": MINI_1, "grace": GRACE_1}.get(prefix)
+        if like is None:
+            raise KeyError(robot)
+        number = _number(robot, prefix)
+        system = _FIRST_SYSTEM[prefix] + number
+        return replace(
+            like,
+            robot=robot,
+            system_id=SystemId(system),
+            radio_address=Address(0x0013A20041F00000 + system),
+            station_address=Address(0x0013A20041F10000 + system),
+            link_name=f"{like.link_name}-{robot}",
+            start_ne_m=_start(like.site, number),
+            heading_rad=math.remainder(2.4 * number, 2.0 * math.pi),
+            far_ne_m=None,
+            radio_range_m=math.inf,
+            imei=f"3002340000{system:05d}" if like.imei else "",
+            acoustic_address=None,
+            has_station_acoustics=False,
+            targets=(),
+        )
+
+
+FLEET = _Fleet({definition.robot: definition for definition in (MINI_1, MINI_2, GRACE_1)})
+"""Every simulated robot by its name: those that have one of their own, and ``mini-7`` on demand."""
+
+SUBS = {SUB_1.robot: SUB_1}
+"""Vehicles that are not ours, by their names."""
 
 USUAL_ROBOTS: tuple[RobotId, ...] = (MINI_1.robot, GRACE_1.robot)
 """Those that are simulated where nobody asks for others."""
+DEMO_ROBOTS: tuple[RobotId, ...] = (*USUAL_ROBOTS, SUB_1.robot)
+"""Those of a demo: beside ours a vehicle that is not."""
 
 
 def robots_named(names: Iterable[str]) -> tuple[RobotId, ...]:
-    """Return robots by their names, each once.
+    """Return robots by their names, each once; ``miniglider:3`` names the first three of a kind.
 
     Raises:
         ValueError: If there is no robot of a name, or none is named; the sentence lists all.
     """
-    wanted = tuple(dict.fromkeys(RobotId(name) for name in names))
-    unknown = [name for name in wanted if name not in FLEET]
+    wanted = tuple(dict.fromkeys(RobotId(one) for name in names for one in _counted(name)))
+    unknown = [name for name in wanted if name not in SUBS and not is_known(name)]
     if unknown or not wanted:
-        raise ValueError(f"no robot {', '.join(unknown) or 'named'}; there are {', '.join(FLEET)}")
+        known = ", ".join((*FLEET, *SUBS))
+        kinds = ", ".join(f"{kind}:N" for kind in _KINDS)
+        text = f"no robot {', '.join(unknown) or 'named'}; there are {known}, and {kinds}"
+        raise ValueError(f"{text} for the first N of a kind, at most {_KIND_MAX}")
     return wanted
+
+
+def is_sub(robot: str) -> bool:
+    """Tell whether a robot is a submarine that speaks standard MAVLink."""
+    return robot.startswith("sub-")
+
+
+def sub_definition(robot: str) -> SubDefinition:
+    """Return a submarine; those beyond the first are like it, elsewhere in the lake.
+
+    Raises:
+        KeyError: If there is none of this name.
+    """
+    if robot in SUBS:
+        return SUBS[RobotId(robot)]
+    number = _number(robot, "sub")
+    return replace(
+        SUB_1,
+        robot=RobotId(robot),
+        system_id=SystemId(_FIRST_SYSTEM["sub"] + number),
+        start_ne_m=_start(SUB_1.site, _FIRST_SYSTEM["sub"] + number),
+    )
+
+
+def _counted(name: str) -> Iterable[str]:
+    """Return the robots that one word of a list names: itself, or the first so many of a kind."""
+    kind, colon, count = name.partition(":")
+    if not colon or kind not in _KINDS or not count.isdecimal():
+        return (name,)
+    return (f"{_KINDS[kind]}-{number}" for number in range(1, int(count) + 1))
+
+
+def is_known(name: str) -> bool:
+    """Tell whether the simulator has a robot of this name."""
+    try:
+        sub_definition(name) if is_sub(name) else FLEET[RobotId(name)]
+    except KeyError:
+        return False
+    return True
+
+
+def _number(name: str, prefix: str) -> int:
+    """Return the number in a robot's name.
+
+    Raises:
+        KeyError: If it is no name of this kind.
+    """
+    found, dash, number = name.partition("-")
+    is_number = dash and number.isdecimal() and number == str(int(number))
+    if found != prefix or not is_number or not 1 <= int(number) <= _KIND_MAX:
+        raise KeyError(name)
+    return int(number)
+
+
+def _start(site: Site, number: int) -> tuple[float, float]:
+    """Return a place inside a water, each number another one, spread evenly."""
+    domain, tries = site.domain, 0
+    while True:
+        at = number + _KIND_MAX * tries
+        north = domain.x_min_m + _halton(at, 2) * (domain.x_max_m - domain.x_min_m)
+        east = domain.y_min_m + _halton(at, 3) * (domain.y_max_m - domain.y_min_m)
+        if site.clearance_m(north, east) > 0.0 and site.floor_m(north, east) > _LEAST_FLOOR_M:
+            return round(north, 2), round(east, 2)
+        tries += 1
+
+
+def _halton(index: int, base: int) -> float:
+    """Return a number of the sequence that fills 0..1 evenly."""
+    value, share = 0.0, 1.0
+    while index:
+        share /= base
+        index, digit = divmod(index, base)
+        value += share * digit
+    return value
+
+
+def fault_names_of(robots: Iterable[RobotId]) -> dict[str, tuple[str, ...]]:
+    """Return which of ``CAUSED_FAULTS`` each robot can have."""
+    return {
+        robot: (sub_definition(robot) if is_sub(robot) else FLEET[robot]).fault_names
+        for robot in robots
+    }

@@ -1,13 +1,17 @@
 """Flows of the simulated water, by place, depth and time. Neither robot nor station is told."""
 
+import logging
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.current.ocean_file import OceanFileError, read_ocean_file
 from autonomy.current.table import FlowTable, flow_at
+from autonomy.current.told import ToldCurrent
 from autonomy.site import Box, Site
 
 _SPEED_M_S = {"tank": 0.02}
@@ -15,13 +19,17 @@ _USUAL_SPEED_M_S = 0.05
 """Speed of a flow where nobody says another, in a tank and elsewhere."""
 _FASTEST_M_S = 2.0
 _M2_H = 12.4206
+_SAME = np.array([2.0, 2.0, 0.2, 10.0])
+"""Changes of north, east and depth, m, and time, s, that an ocean model does not resolve."""
+_log = logging.getLogger(__name__)
 KINDS = ("uniform", "gyre", "double", "shear", "tide")
 """Flows by name."""
 GRAMMAR = (
     "KIND[:SPEED][@TOWARDS][/HOURS], several joined by +; a kind is one of "
     + ", ".join(KINDS)
     + "; SPEED in m/s, TOWARDS in degrees from north, HOURS the period of a tide; "
-    "such as gyre, uniform:0.02@90, gyre:0.05+tide:0.08/2"
+    "such as gyre, uniform:0.02@90, gyre:0.05+tide:0.08/2; or FILE.nc, the CF NetCDF of an ocean "
+    "model"
 )
 
 
@@ -132,6 +140,26 @@ class Tabled:
         return np.array(found).reshape(-1, 2)
 
 
+class Modelled:
+    """What an ocean model says; still where it says nothing.
+
+    Looked up anew once the asker is elsewhere or later, as it is asked many times a second.
+    """
+
+    def __init__(self, told: ToldCurrent) -> None:
+        self._told = told
+        self._points = np.empty((0, 4))
+        self._velocity = np.empty((0, 2))
+
+    def velocity_ne_m_s(self, points: FloatArray) -> FloatArray:
+        """Return north and east velocity."""
+        known = self._points
+        if known.shape != points.shape or not (np.abs(points - known) <= _SAME).all():
+            self._points = points.copy()
+            self._velocity = np.nan_to_num(self._told.velocity_ne_m_s(points))
+        return self._velocity
+
+
 def read_flow(text: str, site: Site) -> Flow:
     """Return the flow that a text names (``GRAMMAR``), in the water of a site.
 
@@ -143,6 +171,8 @@ def read_flow(text: str, site: Site) -> Flow:
 
 
 def _read_part(text: str, site: Site) -> Flow:
+    if text.strip().endswith(".nc"):
+        return _read_file(Path(text.strip()), site)
     rest, _, hours = text.strip().partition("/")
     rest, _, towards = rest.partition("@")
     kind, _, speed = rest.partition(":")
@@ -165,6 +195,19 @@ def _read_part(text: str, site: Site) -> Flow:
             return Tide(speed_m_s, 0.3 * speed_m_s, towards_rad, period_s)
         case _:
             return Gyre(speed_m_s, site.water, cells_east=2 if kind == "double" else 1)
+
+
+def _read_file(path: Path, site: Site) -> Flow:
+    """Return the flow of an ocean model; none where its file is about another place."""
+    origin = (site.origin_latitude_deg, site.origin_longitude_deg)
+    try:
+        reading = read_ocean_file(path, origin, site.water)
+    except OceanFileError as error:
+        if error.is_elsewhere:
+            _log.warning("%s says nothing of %s: %s", path, site.name, error)
+            return Uniform(0.0, 0.0)
+        raise OceanFileError(str(path), str(error)) from error
+    return Modelled(ToldCurrent(reading.grid, origin))
 
 
 def _along(direction: tuple[float, float], speeds: FloatArray) -> FloatArray:

@@ -11,15 +11,20 @@ from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 from onboard.node.body import BodyNode
+from onboard.node.wire import NodeAddress
+from robot_link.messages import RobotId
+from robot_link.transport.opening import open_transport
 from simulator.aboard import computer_of
 from simulator.equipment import Timekeeping, disciplined, equipped
-from simulator.fleet import RobotDefinition
+from simulator.fault_desk import FaultDesk, FaultTeller, only_log
+from simulator.fleet import RobotDefinition, is_sub
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.rockblock_gateway import RockBlockGateway
 from simulator.iridium.subscriber import Account
 from simulator.life import BareBody, WholeRobot, live
 from simulator.robot import SimulatedBody, SimulatedRobot
 from simulator.settings import GatewaySettings, SimulatorSettings
+from simulator.sub.endpoint import SubVehicle
 from simulator.until_told import run_until_told
 from simulator.xbee_network import XBeeNetwork
 
@@ -45,7 +50,7 @@ def satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> I
     gateway = settings.gateway
     account = Account("", "") if gateway is None else Account(gateway.username, gateway.password)
     for name in settings.robots:
-        imei = settings.definition(name).imei
+        imei = "" if is_sub(name) else settings.definition(name).imei
         if imei:
             network.add_subscriber(imei, account)
     return network
@@ -73,33 +78,46 @@ async def gateway(
         yield
 
 
-def run(settings: SimulatorSettings) -> None:
+def run(settings: SimulatorSettings, tell: FaultTeller = only_log) -> None:
     """Simulate until SIGTERM or SIGINT, or until the parent process is gone.
+
+    Args:
+        settings: What to simulate.
+        tell: Told of each fault as it comes.
 
     Raises:
         ExceptionGroup: If a robot or a link failed; nothing is left running then either.
     """
-    run_until_told(lambda stopped: serve(settings, stopped))
+    run_until_told(lambda stopped: serve(settings, stopped, tell))
 
 
-async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
+async def serve(
+    settings: SimulatorSettings, stopped: asyncio.Event, tell: FaultTeller = only_log
+) -> None:
     """Simulate on this event loop until ``stopped`` is set, or the parent process is gone.
 
     Raises:
         ExceptionGroup: If a robot or a link failed.
     """
-    bodies: dict[str, SimulatedBody] = {}
+    bodies: dict[str, SimulatedBody] = {}  # by the number of a satellite modem
     network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
-    async with gateway(settings.gateway, network), asyncio.TaskGroup() as group:
+    desk = FaultDesk(settings.clock(), tell)
+    async with (
+        gateway(settings.gateway, network),
+        desk.server.serve(NodeAddress(port=settings.desk_port or 0)),
+        asyncio.TaskGroup() as group,
+    ):
         tasks: list[asyncio.Task[None]] = []
         if settings.parent_pid is not None:
             watch = _watch(settings.parent_pid, stopped)
             tasks.append(group.create_task(watch, name="parent watch"))
+        tasks.append(group.create_task(desk.run(), name="faults"))
         for name in settings.robots:
-            definition = settings.definition(name)
-            life = (_whole if settings.has_programs else _bare)(
-                settings, definition, network, bodies
-            )
+            if is_sub(name):
+                life = _sub(settings, name, desk)
+            else:
+                live_as = _whole if settings.has_programs else _bare
+                life = live_as(settings, settings.definition(name), network, bodies, desk)
             tasks.append(group.create_task(life, name=f"{name} life"))
         _log.info("simulating %s at speed %g", ", ".join(settings.robots), settings.speed)
         await stopped.wait()
@@ -108,11 +126,20 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
     _log.info("simulation ended")
 
 
+async def _sub(settings: SimulatorSettings, name: RobotId, desk: FaultDesk) -> None:
+    """Let a vehicle of another maker live until cancelled; stations call it by UDP."""
+    transport = open_transport(f"udp://127.0.0.1:{settings.sub_port(name)}?listen=1")
+    vehicle = SubVehicle(settings.sub(name), transport, settings.clock())
+    desk.meet(name, vehicle)
+    await vehicle.run()
+
+
 async def _whole(
     settings: SimulatorSettings,
     definition: RobotDefinition,
     network: IridiumNetwork,
     bodies: dict[str, SimulatedBody],
+    desk: FaultDesk,
 ) -> None:
     """Let a robot live with its onboard program until cancelled."""
     truth = settings.clock()
@@ -126,6 +153,7 @@ async def _whole(
         water_s=truth.now().timestamp(),
     )
     bodies[definition.imei] = robot.body
+    desk.meet(definition.robot, robot.body)
     async with AsyncExitStack() as stack:
         radios = await stack.enter_async_context(_station_radio(settings, definition, robot.body))
         equipment = await stack.enter_async_context(
@@ -140,6 +168,7 @@ async def _whole(
             memory=settings.memory(definition.robot),
             satellite=equipment.client("satellite"),
             acoustic=equipment.client("acoustic"),
+            tag_receiver=equipment.client("tag_receiver"),
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{definition.robot} computer")
@@ -151,6 +180,7 @@ async def _bare(
     definition: RobotDefinition,
     network: IridiumNetwork,
     bodies: dict[str, SimulatedBody],
+    desk: FaultDesk,
 ) -> None:
     """Let a robot's body and devices live until cancelled; its program runs elsewhere."""
     truth = settings.clock()
@@ -159,6 +189,7 @@ async def _bare(
     body = SimulatedBody(definition, settings.seed, settings.conditions(), water_s)
     node = BodyNode(body, lambda: time.oscillator.count_s(body.plant.time_s))
     bodies[definition.imei] = body
+    desk.meet(definition.robot, body)
     async with AsyncExitStack() as stack:
         radios = await stack.enter_async_context(_station_radio(settings, definition, body))
         line = settings.device_path(definition.robot, "radio")

@@ -1,21 +1,33 @@
 """One simulated robot: a body in its water, and the onboard program that moves it."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
 
-from autonomy.frames import wgs84_from_ned
+from autonomy.frames import TrueNorth, wgs84_from_ned
 from onboard.flight.hardware import Readings, SetPoints
 from onboard.program import PERIOD_S, Radio
 from simulator.aboard import program_of
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
-from simulator.fault import FaultyActuators
+from simulator.fault import (
+    FLAT_FRACTION,
+    OXYGEN,
+    FaultyActuators,
+    RobotFaults,
+    caused_at,
+    drifted_share,
+)
 from simulator.fleet import RobotDefinition
+from simulator.housekeeping import Housekeeping
+from simulator.instrument import Instruments, instrument
 from simulator.plant import Plant
 from simulator.sensor import Sensors
+from simulator.water_field import PLANNED, WaterField
 
 
 class SimulatedBody:
@@ -35,12 +47,23 @@ class SimulatedBody:
         conditions: WaterConditions | None = None,
         water_s: float = 0.0,
     ) -> None:
-        current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
+        generator = np.random.default_rng([seed, definition.system_id])
+        current, sensors, instruments = generator.spawn(3)
         self.battery = Battery(definition.battery)
-        self.sensors = Sensors(definition.sensors, definition.site.variable, sensors)
-        """Its instruments, and what their feedback is wrong by."""
+        north = TrueNorth(definition.site.origin_latitude_deg)
+        self.sensors = Sensors(definition.sensors, definition.site.variable, sensors, north)
+        """What it steers by, and what its feedback is wrong by."""
+        self._instruments = Instruments(
+            definition.instruments, WaterField(definition.site), instruments
+        )
+        self._planned = Instruments(
+            [instrument(definition.site.variable, 0.0)],
+            WaterField(definition.site),
+            instruments,
+        )
         self._set_points = SetPoints(0.0, 0.0)
         self._actuators = FaultyActuators(definition.faults, PERIOD_S)
+        self._housekeeping = Housekeeping(definition.vehicle, WaterField(definition.site))
         self.plant = Plant(
             definition.faults.true(definition.vehicle),
             (conditions or WaterConditions()).surroundings(definition.site),
@@ -60,9 +83,44 @@ class SimulatedBody:
         self._definition = definition
 
     @property
+    def faults(self) -> RobotFaults:
+        """What is wrong with it, and from when of its life on."""
+        return self._actuators.faults
+
+    @property
+    def fault_names(self) -> tuple[str, ...]:
+        """Which of ``CAUSED_FAULTS`` it can have."""
+        return self._definition.fault_names
+
+    @property
+    def lived_s(self) -> float:
+        """Seconds that it has lived."""
+        return self.plant.time_s
+
+    @property
+    def is_in_reach_of_hands(self) -> bool:
+        """Whether it lies at the surface."""
+        return self.has_sky
+
+    def cause(self, name: str) -> None:
+        """Let a fault come now."""
+        self._actuators.faults = caused_at(self.faults, name, self.plant.time_s)
+
+    def mend(self, name: str) -> None:
+        """Undo a fault; a battery that went flat is changed for a full one."""
+        if name == "battery" and self.plant.time_s >= self.faults.battery_flat_s:
+            self.battery.fraction = 1.0
+        self._actuators.faults = caused_at(self.faults, name, math.inf)
+
+    @property
     def has_sky(self) -> bool:
         """Whether its antennas are out of the water now."""
         return self.plant.position_ned[2] <= self._definition.antenna_depth_m
+
+    @property
+    def has_gps(self) -> bool:
+        """Whether its receiver hears GPS now."""
+        return self.has_sky and self.plant.time_s < self.faults.gps_lost_s
 
     @property
     def is_in_reach(self) -> bool:
@@ -82,11 +140,42 @@ class SimulatedBody:
 
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
-        return self.sensors.read(self.plant.time_s, self.plant.state, self.battery)
+        readings = self.sensors.read(self.plant.time_s, self.plant.state, self.battery)
+        is_lost = self.plant.time_s >= self.faults.gps_lost_s
+        return replace(readings, fix_ne_m=None) if is_lost else readings
 
-    def measure_field(self) -> float:
-        """Return one measurement of the field where the robot truly is."""
-        return self.sensors.measure_field(self.plant.position_ned)
+    def measure_field(self) -> float | None:
+        """Return one measurement of the field where the robot truly is, None of a dead sensor."""
+        if self.plant.time_s >= self.faults.sensor_dies_s:
+            return None
+        variable, here = self._definition.site.variable, self.plant.position_ned
+        if variable in PLANNED:
+            return self.sensors.measure_field(here)
+        return self._drifted(self._planned.measure([variable], here))[variable]
+
+    @property
+    def instruments(self) -> Mapping[str, float]:
+        """How often each further instrument wants to be asked, s, by its channel."""
+        return self._instruments.periods_s
+
+    def measure(self, channels: Iterable[str]) -> Mapping[str, float]:
+        """Return a measurement by each of these instruments where the robot truly is."""
+        return self._drifted(self._instruments.measure(channels, self.plant.position_ned))
+
+    def condition(self) -> dict[str, float]:
+        """Return readings of the robot itself by the keys of their channels."""
+        return self._housekeeping.read(
+            self.plant.time_s,
+            self.plant.position_ned,
+            self.battery.voltage_v,
+            self.plant.time_s - self.faults.leak_s,
+            None if self._definition.site.kind == "tank" else self.has_gps,
+        )
+
+    def _drifted(self, measured: dict[str, float]) -> dict[str, float]:
+        """Return measurements as an optode that drifts makes them."""
+        share = drifted_share(self.plant.time_s - self.faults.optode_drifts_s)
+        return {key: share * value if key in OXYGEN else value for key, value in measured.items()}
 
     def actuate(self, command: SetPoints) -> None:
         """Give the actuators new set points."""
@@ -96,7 +185,12 @@ class SimulatedBody:
         """Let time pass."""
         plant = self.plant
         acted_on = self._actuators.reached(self._set_points, plant.state, plant.time_s)
-        self.battery.use(plant.advance(acted_on, duration_s))
+        before = plant.state
+        used_j = plant.advance(acted_on, duration_s)
+        self._housekeeping.advance(before, plant.state, used_j, duration_s)
+        self.battery.use(used_j)
+        if plant.time_s >= self.faults.battery_flat_s:
+            self.battery.fraction = min(self.battery.fraction, FLAT_FRACTION)
 
 
 class SimulatedRobot:

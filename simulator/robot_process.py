@@ -45,8 +45,8 @@ class RobotSettings(Configuration):
     robot: RobotId
     """Its name."""
     nodes: Mapping[str, str]
-    """Addresses of its nodes by name; body is needed, gps_clock, satellite and acoustic are used
-    where there are any."""
+    """Addresses of its nodes by name; body is needed, gps_clock, satellite, acoustic and
+    tag_receiver are used where there are any."""
     radio: str
     """URI of its radio's line."""
     memory: Path
@@ -128,6 +128,7 @@ async def _live(settings: RobotSettings) -> None:
             memory=settings.memory,
             satellite=_client(settings, "satellite"),
             acoustic=_client(settings, "acoustic"),
+            tag_receiver=_client(settings, "tag_receiver"),
         )
         _log.info("%s is awake; its clock shows %s", settings.robot, f"{clock.now():%Y-%m-%d %X}")
         async with asyncio.TaskGroup() as group:

@@ -6,6 +6,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.synthetic import measure
+from autonomy.frames import TrueNorth
 from onboard.flight.hardware import Readings, SetPoints
 from simulator.battery import Battery
 
@@ -39,12 +40,20 @@ class Sensors:
 
     Args:
         model: Size of the errors.
-        variable: Field that the science sensor measures, a key of ``autonomy.field.variable``.
+        variable: Field that the science sensor measures, a key of ``autonomy.channel``.
         generator: Source of randomness.
+        north: True north, from which the compass counts; None where it is the frame's.
     """
 
-    def __init__(self, model: SensorModel, variable: str, generator: np.random.Generator) -> None:
+    def __init__(
+        self,
+        model: SensorModel,
+        variable: str,
+        generator: np.random.Generator,
+        north: TrueNorth | None = None,
+    ) -> None:
         self._model = model
+        self._north = north
         self._variable = variable
         self._generator = generator
         self.buoyancy_bias_kg = model.buoyancy_bias_kg * generator.standard_normal()
@@ -79,11 +88,12 @@ class Sensors:
         has_fix = x[2] <= self._model.fix_depth_m and time_s >= self._next_fix_s - 1e-6
         if has_fix:
             self._next_fix_s = time_s + self._model.fix_period_s
+        north = 0.0 if self._north is None else self._north.convergence_rad(x[0], x[1])
         return Readings(
             depth_m=x[2] + noise[0],
             roll_rad=x[3] + noise[1],
             pitch_rad=x[4] + noise[2],
-            heading_rad=x[5] + noise[3],
+            heading_rad=x[5] + north + noise[3],
             gyro_rad_s=(x[9] + noise[4], x[10] + noise[5], x[11] + noise[6]),
             net_buoyancy_kg=x[12] + noise[7] + self.buoyancy_bias_kg,
             mass_position_m=x[13] + noise[8] + self.mass_position_bias_m,

@@ -13,10 +13,23 @@ from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticConditions
 from simulator.conditions import WaterConditions
-from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
+from simulator.fault import CausedFault, RobotFaults
+from simulator.fleet import (
+    FLEET,
+    USUAL_ROBOTS,
+    RobotDefinition,
+    fault_names_of,
+    robots_named,
+    sub_definition,
+)
 from simulator.flow import read_flow
+from simulator.instrument import CTD
 from simulator.iridium.conditions import SatelliteConditions
+from simulator.sub.definition import SubDefinition
 from simulator.xbee_network import AirConditions
+
+PORT_SUFFIX = ".udp"
+"""Of the file below the link folder that holds the UDP port of a vehicle that is not ours."""
 
 
 class GatewaySettings(Configuration):
@@ -55,6 +68,8 @@ class SimulatorSettings(Configuration):
     and its logs. Without one robots forget, and have no satellite link."""
     is_far: bool = False
     """Robots that can begin out of radio range do."""
+    has_ctd: bool = False
+    """GRACE robots carry a CTD: salinity, conductivity and pressure beside their instruments."""
     has_programs: bool = True
     """Whether the robots' onboard programs run here. Without them the robots' nodes and radios
     wait for programs of their own."""
@@ -88,6 +103,11 @@ class SimulatorSettings(Configuration):
     """Height of the waves on a lake, from trough to crest; 0 is calm."""
     wave_period_s: float = Field(default=2.0, gt=0.0, le=10.0)
     """Period of the waves."""
+    faults: tuple[str, ...] = ()
+    """What breaks, each as ``[ROBOT:]NAME@SECONDS`` (``simulator.fault``)."""
+    desk_port: int | None = Field(default=None, ge=1, le=65535)
+    """Loopback port at which faults are caused while robots live (``simulator.fault_desk``); by
+    default a free one, which nobody is told."""
     current: str = ""
     """Flow of the water (``simulator.flow.GRAMMAR``); empty for none. Robots and station are not
     told."""
@@ -103,6 +123,14 @@ class SimulatorSettings(Configuration):
         if current:
             read_flow(current, TANK)
         return current
+
+    @model_validator(mode="after")
+    def _faults_meet_a_robot(self) -> Self:
+        names = fault_names_of(self.robots)
+        for fault in map(CausedFault.of, self.faults):
+            if refusal := fault.refusal(names):
+                raise ValueError(refusal)
+        return self
 
     @model_validator(mode="after")
     def _waves_do_not_break(self) -> Self:
@@ -154,7 +182,24 @@ class SimulatorSettings(Configuration):
         definition = FLEET[robot]
         if self.current:
             definition = replace(definition, flow=read_flow(self.current, definition.site))
+        definition = replace(definition, faults=self._caused(robot, definition.faults))
+        if self.has_ctd and definition.vehicle.key == "grace3":
+            ctd = tuple(one for one in CTD if one.channel != definition.site.variable)
+            definition = replace(definition, instruments=definition.instruments + ctd)
         return definition.far_away() if self.is_far else definition
+
+    def sub(self, robot: RobotId) -> SubDefinition:
+        """Return a vehicle that is not ours as it begins."""
+        definition = sub_definition(robot)
+        return replace(definition, faults=self._caused(robot, definition.faults))
+
+    def _caused(self, robot: RobotId, faults: RobotFaults) -> RobotFaults:
+        """Return faults with those that are to meet a robot, and that it can have."""
+        can_have = fault_names_of((robot,))[robot]
+        for fault in map(CausedFault.of, self.faults):
+            if fault.meets(robot) and fault.name in can_have:
+                faults = fault.added(faults)
+        return faults
 
     def memory(self, robot: RobotId) -> Path | None:
         """Return the folder of a robot's memory; None where robots forget."""
@@ -163,6 +208,13 @@ class SimulatorSettings(Configuration):
     def device_path(self, robot: RobotId, device: str) -> Path:
         """Return the path of the line to one of a robot's devices."""
         return self.link_folder / f"{robot}-{device}"
+
+    def sub_port(self, robot: RobotId) -> int:
+        """Return the UDP port of a vehicle that is not ours: as agreed on in its file, or usual."""
+        try:
+            return int((self.link_folder / f"{robot}{PORT_SUFFIX}").read_text())
+        except FileNotFoundError:
+            return sub_definition(robot).usual_port
 
     def link_path(self, robot: RobotId) -> Path:
         """Return the path of the station radio's pseudo-terminal in a robot's network."""

@@ -9,7 +9,7 @@ from robot_link.clock import Clock
 from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticNode, Point
 
-_EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
 """When all targets set out: where one is follows from the time alone, for every robot alike."""
 
 
@@ -34,7 +34,7 @@ class AcousticTarget:
 
     def place_ned_m(self, at: datetime) -> Point:
         """Return where it is: north, east, depth, m."""
-        elapsed_s = (at - _EPOCH).total_seconds()
+        elapsed_s = (at - EPOCH).total_seconds()
         here = place(self.path, elapsed_s)
         north, east = here.north_m, here.east_m
         if self.wander is not None:

@@ -1,0 +1,180 @@
+"""Where faults are caused and undone while robots live, and told as they come.
+
+A node (``onboard.node.server``) whose device is the whole simulation:
+
+| question | values | answer |
+|---|---|---|
+| cause | robot, fault (a name of ``CAUSED_FAULTS``), by (who asks; may be left out) | |
+| mend | the same | |
+
+Topic ``faults``: every robot with the faults that it can have, by name: title, words, since (when
+it came, ISO 8601; null while it has not), by, and needs_hands. It is published on each change.
+"""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Protocol
+
+from onboard.node.server import NodeServer
+from onboard.node.wire import Content, NodeError, NodeFault
+from robot_link.clock import Clock
+from robot_link.messages import RobotId
+from simulator.fault import CAUSED_FAULTS, RobotFaults, begin_of
+
+FAULTS = "faults"
+_LOOK_S = 0.1
+_BY_MAX = 80
+
+_log = logging.getLogger(__name__)
+
+
+class Faulty(Protocol):
+    """A robot with which something may go wrong while it lives."""
+
+    @property
+    def faults(self) -> RobotFaults:
+        """What is wrong with it, and from when on."""
+        ...
+
+    @property
+    def fault_names(self) -> tuple[str, ...]:
+        """Which of ``CAUSED_FAULTS`` it can have."""
+        ...
+
+    @property
+    def lived_s(self) -> float:
+        """Seconds that it has lived."""
+        ...
+
+    @property
+    def is_in_reach_of_hands(self) -> bool:
+        """Whether it lies at the surface."""
+        ...
+
+    def cause(self, name: str) -> None:
+        """Let a fault come now."""
+        ...
+
+    def mend(self, name: str) -> None:
+        """Undo a fault."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FaultNews:
+    """A fault that came, or that was undone."""
+
+    robot: RobotId
+    text: str
+    """One sentence."""
+    is_over: bool = False
+
+
+FaultTeller = Callable[[FaultNews], Awaitable[None]]
+
+
+async def only_log(news: FaultNews) -> None:
+    """Tell nobody but the log."""
+    _log.warning("%s", news.text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Caused:
+    since: datetime
+    by: str
+
+
+class FaultDesk:
+    """Causes and undoes faults of robots that live, and tells of each. Belongs to one event loop.
+
+    Args:
+        clock: The robots' time.
+        tell: Told of each fault as it comes, and as it is undone.
+    """
+
+    def __init__(self, clock: Clock, tell: FaultTeller = only_log) -> None:
+        self._clock = clock
+        self._tell = tell
+        self._robots: dict[RobotId, Faulty] = {}
+        self._caused: dict[tuple[RobotId, str], _Caused] = {}
+        self.server = NodeServer("faults", {"cause": self._cause, "mend": self._mend}, (FAULTS,))
+
+    def meet(self, robot: RobotId, faulty: Faulty) -> None:
+        """Take a robot that lives from now on."""
+        self._robots[robot] = faulty
+        self._publish()
+
+    async def run(self) -> None:
+        """Tell of the faults that come by themselves, until cancelled."""
+        while True:
+            for robot, faulty in self._robots.items():
+                for name in CAUSED_FAULTS:
+                    is_there = faulty.lived_s >= begin_of(faulty.faults, name)
+                    if is_there and (robot, name) not in self._caused:
+                        await self._came(robot, name, "")
+            await asyncio.sleep(_LOOK_S)
+
+    async def _cause(self, values: dict[str, Any]) -> Content:
+        robot, faulty, name, by = self._asked(values)
+        if (robot, name) not in self._caused:
+            faulty.cause(name)
+            await self._came(robot, name, by)
+        return {}
+
+    async def _mend(self, values: dict[str, Any]) -> Content:
+        robot, faulty, name, by = self._asked(values)
+        kind = CAUSED_FAULTS[name]
+        if math.isinf(begin_of(faulty.faults, name)):
+            return {}
+        if kind.needs_hands and not faulty.is_in_reach_of_hands:
+            sentence = f"{robot} is under water; {kind.title.lower()}: mended at the surface only"
+            raise NodeError(NodeFault.REFUSED, sentence)
+        faulty.mend(name)
+        self._caused.pop((robot, name), None)
+        self._publish()
+        text = f"Mended in the simulator{_by(by)}: {kind.over} ({robot}, {name})."
+        await self._tell(FaultNews(robot, text, is_over=True))
+        return {}
+
+    async def _came(self, robot: RobotId, name: str, by: str) -> None:
+        self._caused[robot, name] = _Caused(self._clock.now(), by)
+        self._publish()
+        words = CAUSED_FAULTS[name].words
+        text = f"Caused in the simulator{_by(by)}: {words} ({robot}, {name})."
+        await self._tell(FaultNews(robot, text))
+
+    def _asked(self, values: dict[str, Any]) -> tuple[RobotId, Faulty, str, str]:
+        robot, name = RobotId(str(values.get("robot"))), str(values.get("fault"))
+        faulty = self._robots.get(robot)
+        if faulty is None:
+            there = ", ".join(self._robots) or "none yet"
+            raise NodeError(NodeFault.UNKNOWN, f"no robot {robot} is simulated; there are {there}")
+        if name not in faulty.fault_names:
+            there = ", ".join(faulty.fault_names)
+            raise NodeError(NodeFault.UNKNOWN, f"{robot} has no fault {name}; there are {there}")
+        return robot, faulty, name, str(values.get("by", ""))[:_BY_MAX]
+
+    def _publish(self) -> None:
+        robots = {
+            robot: {name: self._told(robot, name) for name in faulty.fault_names}
+            for robot, faulty in self._robots.items()
+        }
+        self.server.publish(FAULTS, {"robots": robots}, is_state=True)
+
+    def _told(self, robot: RobotId, name: str) -> Content:
+        kind, caused = CAUSED_FAULTS[name], self._caused.get((robot, name))
+        return {
+            "title": kind.title,
+            "words": kind.words,
+            "since": None if caused is None else caused.since.isoformat(),
+            "by": "" if caused is None else caused.by,
+            "needs_hands": kind.needs_hands,
+        }
+
+
+def _by(who: str) -> str:
+    return f" by {who}" if who else ""

@@ -1,0 +1,1 @@
+"""A vehicle of another maker: an ArduSub-like submarine that speaks standard MAVLink over UDP."""
