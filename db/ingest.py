@@ -1,23 +1,46 @@
 """Decoded telemetry as it enters the tables, many rows a statement."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, cast
 
-from sqlalchemy import CursorResult, Table, select
-from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy import CursorResult, select
 from sqlalchemy.orm import Session
 
 from db.current_tables import CurrentReportRow
 from db.fault import UnknownIdError
 from db.onboard_tables import ActuatorReportRow
-from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleCount, SampleRow, StateRow
+from db.sample_ingest import NewReading, NewSample, insert_readings, insert_samples, upsert
+from db.tables import Base, PlanReportRow, RawFrameRow, Robot, StateRow
+from db.tag_tables import DetectionRow, ReceiverReportRow
 from db.target_tables import TargetReportRow
 from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport
-from robot_link.report import ActuatorReport, CurrentReport, RobotReport, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Detection,
+    Reading,
+    ReceiverReport,
+    RobotReport,
+    TargetReport,
+)
 
+_Row = (
+    StateReport
+    | PlanReport
+    | TargetReport
+    | CurrentReport
+    | ActuatorReport
+    | Detection
+    | ReceiverReport
+    | RawFrame
+)
+"""What is a row of a table of its own."""
 Telemetry = RobotReport | RawFrame
 """What the writer takes in batches."""
+RAW_SENSOR = "ADC"
+"""Unit of a tag's sensor value that was not converted."""
 
 
 def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
@@ -27,75 +50,45 @@ def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
         UnknownIdError: If a value names a robot that the station does not know.
     """
     keys = {row.id: row.key for row in session.execute(select(Robot.id, Robot.key))}
+    samples: list[NewSample] = []
+    readings: list[NewReading] = []
     rows: dict[type[Base], list[dict[str, Any]]] = {}
     for value in values:
-        table, row = _row(value)
-        if value.robot is not None:
-            if value.robot not in keys:
-                raise UnknownIdError("robot", value.robot)
-            row["robot_key"] = keys[value.robot]
-        rows.setdefault(table, []).append(row)
+        key = None if value.robot is None else keys.get(value.robot)
+        if value.robot is not None and key is None:
+            raise UnknownIdError("robot", value.robot)
+        match value:
+            case Sample():
+                samples.append(_new_sample(value, keys[value.robot]))
+            case Reading():
+                readings.append(
+                    NewReading(keys[value.robot], value.channel, value.measured_at, value.value)
+                )
+            case _:
+                table, row = _row(value)
+                rows.setdefault(table, []).append(row if key is None else row | {"robot_key": key})
     for table, batch in rows.items():
-        if table is SampleRow:
-            insert_samples(session, batch)
-        else:
-            insert_new(session, table, batch)
-
-
-def insert_samples(session: Session, rows: list[dict[str, Any]]) -> None:
-    """Insert measurements, skip those whose key is taken, and count those that are new."""
-    known = session.execute(select(Robot.key, Robot.created_at))
-    added = {row[0]: row[1] for row in known}
-    groups: dict[tuple[int, str, bool], list[dict[str, Any]]] = {}
-    for row in rows:
-        key = row["robot_key"]
-        groups.setdefault((key, row["variable"], row["measured_at"] >= added[key]), []).append(row)
-    counts = [
-        {
-            "robot_key": robot_key,
-            "variable": variable,
-            "is_live": is_live,
-            "samples": insert_new(session, SampleRow, group),
-        }
-        for (robot_key, variable, is_live), group in groups.items()
-    ]
-    new = [row for row in counts if row["samples"]]
-    if not new:
-        return
-    insert = _insert(session, SampleCount)
-    session.execute(
-        insert.on_conflict_do_update(
-            index_elements=["robot_key", "variable", "is_live"],
-            set_={"samples": SampleCount.samples + insert.excluded.samples},
-        ),
-        new,
-    )
+        insert_new(session, table, batch)
+    if samples:
+        insert_samples(session, samples)
+    if readings:
+        insert_readings(session, readings)
 
 
 def insert_new(session: Session, table: type[Base], rows: list[dict[str, Any]]) -> int:
     """Insert rows, skip those whose key is taken, and return how many were new."""
     done = session.execute(
-        _insert(session, table).on_conflict_do_nothing(),
+        upsert(session, table).on_conflict_do_nothing(),
         rows,
         execution_options={"preserve_rowcount": True},
     )
     return cast("CursorResult[Any]", done).rowcount
 
 
-def _insert(session: Session, table: type[Base]) -> "sqlite.Insert | postgresql.Insert":
-    dialect = sqlite if session.get_bind().dialect.name == "sqlite" else postgresql
-    target = table.__table__
-    if not isinstance(target, Table):
-        raise TypeError(f"{table.__name__} is not a plain table")
-    return dialect.insert(target)
-
-
-def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
+def _row(value: _Row) -> tuple[type[Base], dict[str, Any]]:
     match value:
         case StateReport():
             return StateRow, _state_row(value)
-        case Sample():
-            return SampleRow, _sample_row(value)
         case PlanReport():
             return PlanReportRow, {
                 "measured_at": value.measured_at,
@@ -122,6 +115,12 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
             }
         case ActuatorReport():
             return ActuatorReportRow, _actuator_row(value)
+        case Detection():
+            return DetectionRow, _detection_row(value)
+        case ReceiverReport():
+            row = asdict(value)
+            del row["robot"]
+            return ReceiverReportRow, row
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,
@@ -136,6 +135,8 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
 
 def _state_row(report: StateReport) -> dict[str, Any]:
     row = STATE.values(report)
+    if math.isnan(sum(row.values())):
+        row = {key: None if math.isnan(value) else value for key, value in row.items()}
     row["measured_at"] = report.measured_at
     row["received_at"] = report.received_at
     row["has_fix"] = report.has_fix
@@ -143,20 +144,39 @@ def _state_row(report: StateReport) -> dict[str, Any]:
     return row
 
 
-def _sample_row(sample: Sample) -> dict[str, Any]:
-    north_m, east_m, depth_m = sample.position_ned
+def _new_sample(sample: Sample, robot_key: int) -> NewSample:
+    return NewSample(
+        robot_key,
+        sample.log,
+        sample.sequence,
+        sample.variable,
+        sample.measured_at,
+        sample.received_at,
+        sample.value,
+        sample.position_ned,
+        sample.position_std_m,
+    )
+
+
+def _detection_row(detection: Detection) -> dict[str, Any]:
+    north_m, east_m, depth_m = detection.position_ned
     return {
-        "log": sample.log,
-        "sequence": sample.sequence,
-        "variable": sample.variable,
-        "measured_at": sample.measured_at,
-        "received_at": sample.received_at,
-        "value": sample.value,
+        "receiver": receiver_name(detection.receiver),
+        "tag": detection.tag,
+        "measured_at": detection.measured_at,
+        "received_at": detection.received_at,
+        "sensor": detection.sensor,
+        "sensor_unit": None if detection.sensor is None else RAW_SENSOR,
         "north_m": north_m,
         "east_m": east_m,
         "depth_m": depth_m,
-        "position_std_m": sample.position_std_m,
+        "position_std_m": detection.position_std_m,
     }
+
+
+def receiver_name(serial: int) -> str:
+    """Return a receiver on board as exports of VUE name it."""
+    return f"VR2C-{serial}"
 
 
 def _actuator_row(report: ActuatorReport) -> dict[str, Any]:

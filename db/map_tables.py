@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, ForeignKey, ForeignKeyConstraint, Index
+from sqlalchemy import BigInteger, ForeignKey, Index, Integer
 from sqlalchemy.orm import Mapped, mapped_column
 
 from db.tables import APPENDED_ONLY, CLUSTERED, Base, Document, Key
@@ -30,19 +30,12 @@ class SmoothedSample(Base):
     Every sample of a dive that was smoothed has a row; all rows of a dive are written at once.
     """
 
-    __tablename__ = "smoothed_sample"
-    __table_args__ = (
-        ForeignKeyConstraint(
-            ["robot_key", "log", "sequence"],
-            ["field_sample.robot_key", "field_sample.log", "field_sample.sequence"],
-        ),
-        CLUSTERED,
-    )
+    __tablename__ = "smoothed_place"
+    __table_args__ = CLUSTERED
 
-    robot_key: Mapped[int] = mapped_column(Key, primary_key=True)
-    log: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    log_key: Mapped[int] = mapped_column(ForeignKey("sample_log.key"), primary_key=True)
     sequence: Mapped[int] = mapped_column(BigInteger, primary_key=True)
-    north_m: Mapped[float]
-    east_m: Mapped[float]
-    depth_m: Mapped[float]
-    position_std_m: Mapped[float]
+    north_mm: Mapped[int] = mapped_column(Integer)
+    east_mm: Mapped[int] = mapped_column(Integer)
+    depth_mm: Mapped[int] = mapped_column(Integer)
+    position_std_um: Mapped[int] = mapped_column(BigInteger)

@@ -14,13 +14,17 @@ from db import (
     map_tables,
     onboard_tables,
     person_tables,
+    sample_tables,
     study_tables,
     tables,
+    tag_tables,
     target_tables,
+    water_tables,
 )
 
 _TABLE_MODULES = (
     tables,
+    sample_tables,
     study_tables,
     map_tables,
     person_tables,
@@ -28,6 +32,8 @@ _TABLE_MODULES = (
     onboard_tables,
     target_tables,
     current_tables,
+    tag_tables,
+    water_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

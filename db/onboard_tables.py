@@ -2,10 +2,10 @@
 
 from datetime import datetime
 
-from sqlalchemy import ForeignKey, UniqueConstraint
+from sqlalchemy import BigInteger, ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from db.tables import APPENDED_ONLY, CLUSTERED, Base, Key
+from db.tables import APPENDED_ONLY, CLUSTERED, Base, Document, Key
 
 
 class RobotParameterRow(Base):
@@ -62,3 +62,20 @@ class ActuatorReportRow(Base):
     is_swinging: Mapped[bool]
     stuck: Mapped[str]
     """Names of actuators with commas between, such as ``sliding mass,pump``."""
+
+
+class RobotChannelRow(Base):
+    """A table of channels that a robot announced, and from which measurement on it held."""
+
+    __tablename__ = "robot_channel"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    log: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    sequence: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    version: Mapped[int] = mapped_column(BigInteger)
+    since_at: Mapped[datetime]
+    """By the robot's clock."""
+    heard_at: Mapped[datetime]
+    document: Mapped[Document]
+    """Rows, each its number, key, unit, kind and period in s."""

@@ -1,8 +1,8 @@
 """The tables of what robots said and were told, and what they share with the others.
 
-Vehicles and studies are in ``study_tables``, maps in ``map_tables``, people in ``person_tables``,
-what crosses satellite gateways in ``link_tables``, what robots say of targets in
-``tracking_tables``.
+Measurements are in ``sample_tables``, waters in ``water_tables``, vehicles and studies in
+``study_tables``, maps in ``map_tables``, people in ``person_tables``, what crosses satellite
+gateways in ``link_tables``, what robots say of targets in ``target_tables``.
 
 Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
@@ -76,7 +76,13 @@ class Robot(Base):
     system_id: Mapped[int | None] = mapped_column(unique=True)
     links: Mapped[list[str]]
     site: Mapped[Document]
+    """A water of its own, as recordings and scripts have; empty beside a ``water_key``."""
+    water_key: Mapped[int | None] = mapped_column(Key)
     created_at: Mapped[datetime]
+    protocol: Mapped[str] = mapped_column(default="grace", server_default="grace")
+    retired_at: Mapped[datetime | None]
+    former_system_id: Mapped[int | None]
+    """Of a retired robot, whose system id others may have."""
 
 
 class StateRow(Base):
@@ -91,10 +97,11 @@ class StateRow(Base):
     robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
     measured_at: Mapped[datetime] = mapped_column(primary_key=True)
     received_at: Mapped[datetime]
-    north_m: Mapped[float]
-    east_m: Mapped[float]
-    depth_m: Mapped[float]
+    north_m: Mapped[float | None]
+    east_m: Mapped[float | None]
+    depth_m: Mapped[float | None]
     position_std_m: Mapped[float]
+    """Infinite where nobody knows it."""
     has_fix: Mapped[bool]
     mode: Mapped[int | None]
 
@@ -107,45 +114,6 @@ STATE_CHANNELS: Mapping[str, InstrumentedAttribute[Any]] = MappingProxyType(
     {key: getattr(StateRow, key) for key in STATE.keys}
 )
 """Columns of a state's channels."""
-
-
-class SampleRow(Base):
-    """One measurement of a field; the robot's log and sequence name it for ever."""
-
-    __tablename__ = "field_sample"
-    __table_args__ = (
-        # Covering: a chart of one variable reads the index alone.
-        Index(None, "robot_key", "variable", "measured_at", "value"),
-        CLUSTERED,
-    )
-
-    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
-    log: Mapped[int] = mapped_column(BigInteger, primary_key=True)
-    sequence: Mapped[int] = mapped_column(BigInteger, primary_key=True)
-    variable: Mapped[str]
-    measured_at: Mapped[datetime]
-    received_at: Mapped[datetime]
-    value: Mapped[float]
-    north_m: Mapped[float]
-    east_m: Mapped[float]
-    depth_m: Mapped[float]
-    position_std_m: Mapped[float]
-
-
-class SampleCount(Base):
-    """How many measurements of a variable a robot has: counting millions of rows takes seconds.
-
-    ``db.ingest.insert_samples`` keeps it in the transaction that adds them.
-    """
-
-    __tablename__ = "sample_count"
-    __table_args__ = CLUSTERED
-
-    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
-    variable: Mapped[str] = mapped_column(primary_key=True)
-    is_live: Mapped[bool] = mapped_column(primary_key=True)
-    """Whether they are of the robot's live deployment, which began when it was added."""
-    samples: Mapped[int] = mapped_column(BigInteger)
 
 
 class RawFrameRow(Base):
@@ -191,6 +159,20 @@ class Configuration(Base):
     kind: Mapped[str]
     robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
     value: Mapped[Document]
+    changed_at: Mapped[datetime]
+    changed_by: Mapped[str]
+
+
+class OwnChannel(Base):
+    """A channel of the team's own, or what the station has otherwise of a delivered one."""
+
+    __tablename__ = "own_channel"
+    __table_args__ = CLUSTERED
+
+    key: Mapped[str] = mapped_column(primary_key=True)
+    document: Mapped[Document]
+    is_own: Mapped[bool]
+    retired_at: Mapped[datetime | None]
     changed_at: Mapped[datetime]
     changed_by: Mapped[str]
 
@@ -357,10 +339,15 @@ class Deployment(Base):
     key: Mapped[int] = mapped_column(Key, primary_key=True)
     robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
     kind: Mapped[str]
+    state: Mapped[str]
     title: Mapped[str]
+    purpose: Mapped[str]
+    people: Mapped[list[str]]
+    site: Mapped[Document]
     log: Mapped[int | None] = mapped_column(BigInteger)
-    started_at: Mapped[datetime]
+    started_at: Mapped[datetime | None]
     ended_at: Mapped[datetime | None]
+    void_reason: Mapped[str]
     rows: Mapped[int]
     variables: Mapped[list[str]]
     document: Mapped[Document]

@@ -1,0 +1,1 @@
+"""Robots, their vehicles, waters, channels and deployments."""

@@ -1,0 +1,1 @@
+"""What was measured and reported, and what is worked out of it."""

@@ -1,0 +1,272 @@
+"""What robots reported of themselves: newest state, history of a channel, track."""
+
+import math
+from dataclasses import dataclass
+from datetime import datetime
+from functools import reduce
+from operator import add
+
+import numpy as np
+from sqlalchemy import Integer, func, or_, select, type_coerce
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import BoolArray, FloatArray
+from db.column import moments
+from db.query.fleet.robots import robot_key
+from db.query.measured.decimation import Series, thinned_rows
+from db.query.measured.sample_places import sample_series
+from db.query.measured.samples import channel_key
+from db.record import same
+from db.sample_tables import ReadingRollup, ReadingRow
+from db.tables import STATE_CHANNELS, PlanReportRow, StateRow
+from robot_link.messages import (
+    STATE,
+    OnboardPlanState,
+    PlanHash,
+    PlanReport,
+    RobotId,
+    RobotMode,
+    StateReport,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Values of one channel in order of time."""
+
+    measured_at: list[datetime]
+    value: list[float]
+    decimated: bool
+    """Whether values were left out; the extremes of every interval are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackPoint:
+    """Where a robot believed to be."""
+
+    measured_at: datetime
+    position_ned: tuple[float, float, float]
+    position_std_m: float
+    has_fix: bool
+    mode: RobotMode | None
+    """What it was doing, ``None`` in a recording of something that does not say so."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Positions in order of time, column by column."""
+
+    measured_at: list[datetime]
+    position_ned: FloatArray
+    """Shape ``(n, 3)``, m."""
+    position_std_m: FloatArray
+    """Shape ``(n,)``."""
+    has_fix: BoolArray
+    """Shape ``(n,)``."""
+    mode: list[RobotMode | None]
+    decimated: bool
+    """Whether points were left out; the shallowest and deepest of every interval are kept."""
+
+    @property
+    def points(self) -> list[TrackPoint]:
+        """Return the positions one by one; a long track is read faster by column."""
+        columns = (
+            self.measured_at,
+            self.position_ned.tolist(),
+            self.position_std_m.tolist(),
+            self.has_fix.tolist(),
+            self.mode,
+        )
+        return [
+            TrackPoint(at, (north_m, east_m, depth_m), std_m, has_fix, mode)
+            for at, (north_m, east_m, depth_m), std_m, has_fix, mode in zip(*columns, strict=True)
+        ]
+
+
+_MODES: dict[int | None, RobotMode | None] = {None: None, **{int(mode): mode for mode in RobotMode}}
+"""A lookup: making the members of twenty thousand numbers takes longer than to read them."""
+
+
+def newest_state(session: Session, robot: str) -> StateReport | None:
+    """Return the newest report of a robot about itself; a recording has none."""
+    row = session.scalar(
+        select(StateRow)
+        .where(
+            StateRow.robot_key == robot_key(session, robot),
+            StateRow.mode.is_not(None),
+            StateRow.north_m.is_not(None),
+            StateRow.depth_m.is_not(None),
+        )
+        .order_by(StateRow.measured_at.desc())
+        .limit(1)
+    )
+    return None if row is None else _report(row, robot)
+
+
+def idle_since(
+    session: Session, robot: str, after: datetime, depth_max_m: float
+) -> datetime | None:
+    """Return since when, after a moment, a robot has been idle and not deeper than this.
+
+    ``None`` if its newest report says otherwise, or there is none.
+    """
+    key = robot_key(session, robot)
+    of_robot = (
+        StateRow.robot_key == key,
+        StateRow.mode.is_not(None),
+        StateRow.measured_at >= after,
+    )
+    active = session.scalar(
+        select(func.max(StateRow.measured_at)).where(
+            *of_robot, or_(StateRow.mode != int(RobotMode.IDLE), StateRow.depth_m > depth_max_m)
+        )
+    )
+    since = select(func.min(StateRow.measured_at)).where(*of_robot)
+    if active is not None:
+        since = since.where(StateRow.measured_at > active)
+    return session.scalar(since)
+
+
+def newest_plan_report(
+    session: Session, robot: str, *, flying: PlanHash | None = None
+) -> PlanReport | None:
+    """Return what a robot last said of the plan that it holds, or while it flew a certain one."""
+    words = select(PlanReportRow).where(PlanReportRow.robot_key == robot_key(session, robot))
+    if flying is not None:
+        running = PlanReportRow.state == int(OnboardPlanState.RUNNING)
+        words = words.where(PlanReportRow.sha256 == flying, running)
+    row = session.scalar(words.order_by(PlanReportRow.measured_at.desc()).limit(1))
+    if row is None:
+        return None
+    return same(
+        PlanReport,
+        row,
+        robot=RobotId(robot),
+        sha256=None if row.sha256 is None else PlanHash(row.sha256),
+        state=OnboardPlanState(row.state),
+    )
+
+
+def flown_legs(session: Session, robot: str, sha256: PlanHash) -> list[tuple[datetime, int]]:
+    """Return when a robot said which leg of a plan it flies, the earliest word first."""
+    rows = session.execute(
+        select(PlanReportRow.measured_at, PlanReportRow.leg)
+        .where(
+            PlanReportRow.robot_key == robot_key(session, robot),
+            PlanReportRow.sha256 == sha256,
+            PlanReportRow.state == int(OnboardPlanState.RUNNING),
+        )
+        .order_by(PlanReportRow.measured_at)
+    )
+    return [(moment, leg) for moment, leg in rows]
+
+
+def history(
+    session: Session,
+    robot: str,
+    channel: str,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    max_points: int = 2000,
+) -> History:
+    """Return a channel's values from ``start`` to ``end``, both included.
+
+    Args:
+        session: A reading session.
+        robot: Id of the robot.
+        channel: A channel of a state, or one that was sampled or read.
+        start: First moment, ``None`` for the beginning.
+        end: Last moment, ``None`` for now.
+        max_points: When there are more values, only the smallest and largest of each of
+            ``max_points / 2`` intervals are returned.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    parts = STATE.parts_of_norm(channel)
+    if parts is not None or channel in STATE_CHANNELS:
+        columns = [STATE_CHANNELS[part] for part in parts or (channel,)]
+        squares = reduce(add, (column * column for column in columns))
+        series = Series(
+            StateRow.measured_at,
+            columns[0] if parts is None else squares,
+            (StateRow.robot_key == key, columns[-1].is_not(None), columns[-1] < math.inf),
+        )
+    else:
+        series = sample_series(key, channel)
+        if not _is_kept(session, series):
+            series = _reading_series(key, channel)
+    rows, decimated = thinned_rows(session, series, start, end, max_points)
+    values = [row[1] if parts is None else math.sqrt(row[1]) for row in rows]
+    return History(moments([row[0] for row in rows]), values, decimated)
+
+
+def _is_kept(session: Session, series: Series) -> bool:
+    """Tell whether there is any value of a series."""
+    return session.scalar(select(series.at).where(*series.where).limit(1)) is not None
+
+
+def _reading_series(robot_key: int, channel: str) -> Series:
+    number = channel_key(channel)
+    return Series(
+        ReadingRow.measured_at,
+        ReadingRow.value,
+        (ReadingRow.robot_key == robot_key, ReadingRow.channel_key == number),
+        (),
+        ReadingRollup,
+        (ReadingRollup.robot_key == robot_key, ReadingRollup.channel_key == number),
+    )
+
+
+def track(
+    session: Session,
+    robot: str,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    max_points: int = 2000,
+) -> Track:
+    """Return the positions of a robot from ``start`` to ``end``, both included.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    series = Series(
+        StateRow.measured_at,
+        StateRow.depth_m,
+        (
+            StateRow.robot_key == robot_key(session, robot),
+            StateRow.north_m.is_not(None),
+            StateRow.depth_m.is_not(None),
+        ),
+        (
+            StateRow.north_m,
+            StateRow.east_m,
+            StateRow.position_std_m,
+            type_coerce(StateRow.has_fix, Integer),
+            StateRow.mode,
+        ),
+    )
+    rows, decimated = thinned_rows(session, series, start, end, max_points)
+    numbers = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return Track(
+        measured_at=moments(numbers[:, 0]),
+        position_ned=numbers[:, [2, 3, 1]],
+        position_std_m=numbers[:, 4],
+        has_fix=numbers[:, 5] != 0.0,
+        mode=[_MODES.get(one) for one in numbers[:, 6].tolist()],
+        decimated=decimated,
+    )
+
+
+def _report(row: StateRow, robot: str) -> StateReport:
+    kept = (getattr(row, key) for key in STATE.keys)
+    numbers = tuple(math.nan if value is None else value for value in kept)
+    return StateReport(
+        robot=RobotId(robot),
+        measured_at=row.measured_at,
+        received_at=row.received_at,
+        mode=RobotMode(0 if row.mode is None else row.mode),
+        has_fix=row.has_fix,
+        **STATE.fields(numbers),
+    )

@@ -1,0 +1,1 @@
+"""What is asked of robots: missions, plans, transfers, commands and studies."""

@@ -1,0 +1,1 @@
+"""Messages to and from robots by satellite gateways."""

@@ -1,0 +1,1 @@
+"""What the station keeps of itself: events, alarms, jobs, people and settings."""

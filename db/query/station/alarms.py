@@ -1,0 +1,94 @@
+"""Alarms as the database keeps them; their life cycle is ``server.base.alarm_board``'s."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import ColumnElement, func, select
+from sqlalchemy.orm import Session
+
+from db.deployment_span import Period
+from db.identity import key_of, public_id
+from db.query.fleet.robots import robot_key
+from db.record import same, values
+from db.tables import Alarm, Robot
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmRecord:
+    """One alarm and where it stands in its life cycle (ISA-18.2)."""
+
+    id: str
+    cause: str
+    """What raised it, such as ``storage``; at most one open alarm for each robot and cause."""
+    robot: str | None
+    level: str
+    """``watch``, ``warning`` or ``critical``."""
+    text: str
+    state: str
+    """``unacknowledged``; ``acknowledged``: still so, but seen; ``returned``: normal again, but
+    not seen; ``closed``: normal again and seen."""
+    raised_at: datetime
+    acknowledged_at: datetime | None = None
+    acknowledged_by: str | None = None
+    cleared_at: datetime | None = None
+
+
+def save_alarm(session: Session, alarm: AlarmRecord) -> None:
+    """Insert or replace an alarm; its id was given by its owner.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    session.merge(
+        Alarm(
+            key=key_of("alarm", alarm.id),
+            robot_key=None if alarm.robot is None else robot_key(session, alarm.robot),
+            **values(alarm, but=["id", "robot"]),
+        )
+    )
+
+
+def open_alarms(session: Session) -> list[AlarmRecord]:
+    """Return every alarm that is not closed, the oldest first."""
+    statement = (
+        select(Alarm, Robot.id)
+        .outerjoin(Robot, Alarm.robot_key == Robot.key)
+        .where(Alarm.state != "closed")
+        .order_by(Alarm.key)
+    )
+    return [_record(row, robot) for row, robot in session.execute(statement)]
+
+
+def closed_alarms(session: Session, limit: int) -> list[AlarmRecord]:
+    """Return the last closed alarms, the newest first."""
+    return _newest(session, limit, Alarm.state == "closed")
+
+
+def alarms_of(session: Session, robot: str, period: Period, limit: int) -> list[AlarmRecord]:
+    """Return the alarms of a robot that were raised in a period, the newest first.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    of_robot = Alarm.robot_key == robot_key(session, robot)
+    return _newest(session, limit, of_robot, period.holds(Alarm.raised_at))
+
+
+def _newest(session: Session, limit: int, *conditions: ColumnElement[bool]) -> list[AlarmRecord]:
+    statement = (
+        select(Alarm, Robot.id)
+        .outerjoin(Robot, Alarm.robot_key == Robot.key)
+        .where(*conditions)
+        .order_by(Alarm.key.desc())
+        .limit(limit)
+    )
+    return [_record(row, robot) for row, robot in session.execute(statement)]
+
+
+def last_alarm_number(session: Session) -> int:
+    """Return the number in the newest alarm's id, 0 before the first."""
+    return session.scalar(select(func.max(Alarm.key))) or 0
+
+
+def _record(row: Alarm, robot: str | None) -> AlarmRecord:
+    return same(AlarmRecord, row, id=public_id("alarm", row.key), robot=robot)
