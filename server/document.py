@@ -14,6 +14,7 @@ from pydantic.json_schema import JsonSchemaMode
 from server.base.problem import ERROR_FAMILIES, MEDIA_TYPE
 from server.base.view import CURSOR_MAX, View
 from server.command.view import CommandView
+from server.current.ocean_task import CurrentProposal
 from server.fleet.view import LiveRobotView
 from server.map.view import LearnedView
 from server.plan.view import LivePlanView, TransferView
@@ -22,8 +23,18 @@ from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
 from server.system.event_route import EventView
 from server.system.job_route import JobView
+from server.tag.importing import DetectionsImported
+from server.water.proposal import ImportProposal
 
-JOB_RESULTS: tuple[type[Any], ...] = (ImportResult, ImportRefusal, LearnedView, TrimAdviceView)
+JOB_RESULTS: tuple[type[Any], ...] = (
+    ImportResult,
+    ImportRefusal,
+    DetectionsImported,
+    ImportProposal,
+    CurrentProposal,
+    LearnedView,
+    TrimAdviceView,
+)
 """What jobs leave, of those that a program may want to read."""
 _REF = "#/components/schemas/{model}"
 _JSON = {

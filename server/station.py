@@ -10,8 +10,11 @@ from server.access.access import Access
 from server.alarm import install as alarm
 from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
+from server.base_map import install as base_map
 from server.command import install as command
 from server.current import install as current
+from server.demo import install as demo
+from server.deployment import install as deployment
 from server.fleet import install as fleet
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
@@ -25,20 +28,27 @@ from server.scene import install as scene
 from server.study import install as study
 from server.survey import install as survey
 from server.system import install as system
+from server.tag import install as tag
 from server.target import install as target
 from server.transfer import install as transfer
 from server.vehicle import install as vehicle
+from server.water import install as water
 
 CAPABILITIES = (
     access,
     system,
+    demo,
+    base_map,
     vehicle,
+    water,
     fleet,
+    deployment,
     link,
     satellite,
     command,
     current,
     maps,
+    tag,
     plan,
     transfer,
     target,
@@ -81,14 +91,14 @@ class Station:
         make_gateways: GatewayFactory = Gateways,
     ) -> None:
         self._lifetime = foundation.lifetime
-        system.install(foundation)
-        vehicle.install(foundation)
-        fleet.install(foundation)
+        for first in (system, demo, base_map, vehicle, water, fleet, deployment):
+            first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
         command.install(foundation)
         current.install(foundation)
         maps.install(foundation)
+        tag.install(foundation)
         plan.install(foundation)
         transfer.install(foundation)
         target.install(foundation)

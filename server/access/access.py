@@ -12,9 +12,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query import people as query
-from db.query.events import add_event
-from db.query.people import PersonRecord
+from db.query.station import people as query
+from db.query.station.events import add_event
+from db.query.station.people import PersonRecord
 from db.store import Store
 from robot_link.clock import Clock
 from server.access.failure import SignInFailures

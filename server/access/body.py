@@ -22,7 +22,14 @@ _MB: Final = 2**20
 BODY_BYTES_MAX: Final = _MB
 STRANGER_BYTES_MAX: Final = 2**16
 """Sign-in forms, and what a gateway pushes."""
-FILE_BYTES_MAX: Final = {"/api/imports": 512 * _MB, "/api/vehicles/{key}/coefficients": 8 * _MB}
+FILE_BYTES_MAX: Final = {
+    "/api/imports": 512 * _MB,
+    "/api/vehicles/{key}/coefficients": 8 * _MB,
+    "/api/robots/{robot}/detections": 256 * _MB,
+    "/api/base-maps": 2048 * _MB,
+    "/api/waters/imports": 256 * _MB,
+    "/api/waters/{water}/current/imports": 512 * _MB,
+}
 """Routes that take files, by their path; anything but a form with files is kept in memory."""
 FILES_AT_ONCE: Final = 4
 PAUSE_MAX_S: Final = 15.0

@@ -6,7 +6,7 @@ from collections import deque
 from typing import Final
 
 from db.fault import StoreError
-from db.query.events import add_event
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock, monotonic_s
 from server.access.rate import RateLimit

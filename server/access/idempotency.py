@@ -10,7 +10,7 @@ from fastapi import Request, Response
 from fastapi.routing import APIRoute
 
 from db.fault import StoreError, StoreUnavailableError
-from db.query.idempotency import GivenAnswer, claim, forget_before, release, settle
+from db.query.station.idempotency import GivenAnswer, claim, forget_before, release, settle
 from server.access.guard import Guard
 from server.access.role import Right
 from server.base.foundation import Foundation

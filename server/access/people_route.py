@@ -6,8 +6,8 @@ from datetime import datetime, timedelta
 from fastapi import APIRouter
 from pydantic import Field
 
-from db.query import people as query
-from db.query.people import PersonRecord, TokenRecord
+from db.query.station import people as query
+from db.query.station.people import PersonRecord, TokenRecord
 from server.access import register
 from server.access.dependency import AccessDep, Admin
 from server.access.role import Role

@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy.orm import Session
 
-from db.query import people as query
-from db.query.events import add_event
-from db.query.people import PersonRecord, TokenRecord
+from db.query.station import people as query
+from db.query.station.events import add_event
+from db.query.station.people import PersonRecord, TokenRecord
 from server.access.role import Role
 from server.access.secret import new_secret, secret_hash
 from server.base.problem import FieldError, conflict, unprocessable

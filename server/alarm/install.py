@@ -1,8 +1,9 @@
 """Puts the capability together."""
 
 from server.alarm import route
+from server.alarm.channel_rules import ChannelAlarms
 from server.alarm.rules import watch_fleet
-from server.base.event_bus import AlarmChanged
+from server.base.event_bus import AlarmChanged, ChannelsChanged
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
 from server.fleet.event import RobotReported
@@ -18,7 +19,15 @@ def install(foundation: Foundation) -> None:
     fleet, clock = foundation.services.get(Fleet), foundation.clock
     looks = Wakeups(clock, REST_S)
     foundation.bus.subscribe(RobotReported, lambda event: looks.wake(event.robot))
+    by_channel = ChannelAlarms(foundation.channels, foundation.alarms)
+
+    def look_at_all(_: ChannelsChanged) -> None:
+        for status in fleet.statuses:
+            looks.wake(status.record.id)
+
+    foundation.bus.subscribe(ChannelsChanged, look_at_all)
     foundation.lifetime.run(
-        "alarm rules", lambda: watch_fleet(fleet, foundation.alarms, clock, looks)
+        "alarm rules",
+        lambda: watch_fleet(fleet, foundation.alarms, clock, looks, by_channel.judge),
     )
     foundation.bus.subscribe(AlarmChanged, lambda _: foundation.feed.mark("alarms"))

@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
-from db.query.alarms import AlarmRecord, closed_alarms
+from db.query.station.alarms import AlarmRecord, alarms_of, closed_alarms
 from db.record import same
 from server.access.dependency import Pilot, Viewer
-from server.base.dependency import FoundationDep
+from server.base.dependency import DeploymentDep, FoundationDep, period_of
 from server.base.view import RobotLevel, View, one_of
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
@@ -43,11 +43,18 @@ class AlarmsView(View):
 async def list_alarms(
     caller: Viewer,
     foundation: FoundationDep,
+    deployment: DeploymentDep,
     state: Annotated[Literal["open", "closed"], Query()] = "open",
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> AlarmsView:
-    """Return the open alarms or the closed ones."""
+    """Return the open alarms or the closed ones; of a deployment all, the newest first."""
     del caller
+    if deployment is not None:
+        period = period_of(deployment) or deployment.period
+        alarms = await foundation.store.query(
+            lambda session: alarms_of(session, deployment.robot, period, limit)
+        )
+        return AlarmsView([_view(alarm) for alarm in alarms])
     if state == "open":
         return AlarmsView([_view(alarm) for alarm in foundation.alarms.open][:limit])
     closed = await foundation.store.query(lambda session: closed_alarms(session, limit))

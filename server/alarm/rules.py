@@ -3,7 +3,8 @@
 Some alarms are about time that passes: ``Watch.is_past`` notes when a rule is to be asked next.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
@@ -17,12 +18,14 @@ from server.fleet.current_words import doubt_text
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
 from server.fleet.target_words import search_text
-from server.fleet.words import clock_time
+from server.fleet.words import clock_time, level_of
 
 _BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10
 _LOST = timedelta(seconds=15)
 """A link that is silent this long, by the wall, is lost."""
 _NEAR_SHORE_M = 20.0
+_WORD_STANDS = timedelta(seconds=60)
+"""So long a grave sentence of a vehicle stands as an alarm."""
 _SOON_ASHORE = timedelta(minutes=30)
 """A robot that the current it believes carries ashore within this time is near."""
 _AFLOAT = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING))
@@ -65,13 +68,15 @@ class Rule:
     judge: Callable[[RobotStatus, Watch], Verdict | None]
     over: Callable[[RobotStatus], str] | None = None
     """What the alarm says once it is over; None: what it said before."""
+    is_of_contact: bool = False
+    """Whether it is about who does not answer or drifts, which a robot in the workshop may."""
 
 
 def _battery(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    if status.state is None or status.state.battery_fraction >= _BATTERY_WARNING:
+    charge = math.nan if status.state is None else status.state.battery_fraction
+    if math.isnan(charge) or charge >= _BATTERY_WARNING:
         return None
-    charge = status.state.battery_fraction
     level = "critical" if charge < _BATTERY_CRITICAL else "warning"
     return Verdict(level, f"{status.record.id} has {charge:.0%} of its battery left.")
 
@@ -193,6 +198,8 @@ def _adrift(status: RobotStatus, watch: Watch) -> Verdict | None:
         return Verdict("warning", f"{robot} floats outside of its water by its own position.")
     report, site = status.current_report, status.record.site
     north_m_s, east_m_s = (0.0, 0.0) if report is None else report.current_ne_m_s
+    if report is not None and math.hypot(north_m_s, east_m_s) < report.current_std_m_s:
+        north_m_s = east_m_s = 0.0  # nobody knows yet whither it flows
     soon_s = _SOON_ASHORE.total_seconds()
     north_m, east_m = state.position_ned[0] + soon_s * north_m_s, state.position_ned[1]
     if left_m > _NEAR_SHORE_M and site.clearance_m(north_m, east_m + soon_s * east_m_s) > 0.0:
@@ -272,28 +279,57 @@ def _doubt(status: RobotStatus, watch: Watch) -> Verdict | None:
     return Verdict("watch", f"{status.record.id}: {text}") if text else None
 
 
+def _vehicle(status: RobotStatus, watch: Watch) -> Verdict | None:
+    """Judge what a vehicle of another maker says of its own condition."""
+    report, word, robot = status.vehicle_report, status.vehicle_word, status.record.id
+    if report is not None and report.is_critical:
+        return Verdict("critical", f"{robot} says that it is in an emergency.")
+    if word is not None and not watch.is_past(word.at + _WORD_STANDS):
+        return Verdict(level_of(word.severity), f"{robot} says: {word.text}")
+    if report is not None and report.unhealthy:
+        return Verdict("watch", f"{robot} says that its {', '.join(report.unhealthy)} is not well.")
+    return None
+
+
+def _channels(status: RobotStatus, watch: Watch) -> Verdict | None:
+    del watch
+    if not status.channel_faults:
+        return None
+    faults = "; ".join(status.channel_faults.values())
+    text = f"{status.record.id} announces its channels otherwise: {faults}."
+    return Verdict("warning", f"{text} Values of these are not used.")
+
+
 RULES: tuple[Rule, ...] = (
     Rule("battery", _battery),
-    Rule("silence", _silence),
-    Rule("port", _port),
+    Rule("silence", _silence, is_of_contact=True),
+    Rule("port", _port, is_of_contact=True),
     Rule("system id", _double),
-    Rule("overdue", _overdue),
-    Rule("contact", _contact),
+    Rule("overdue", _overdue, is_of_contact=True),
+    Rule("contact", _contact, is_of_contact=True),
     Rule("satellite budget", _budget),
     Rule("satellite", _satellite),
     Rule("surface order", _surface),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
-    Rule("adrift", _adrift),
+    Rule("adrift", _adrift, is_of_contact=True),
     Rule("doubt", _doubt),
     Rule("target", _target, _target_over),
     Rule("target speed", _target_speed),
     Rule("actuators", _actuators),
+    Rule("vehicle", _vehicle),
+    Rule("channels", _channels),
 )
 """Every cause of alarm about a robot."""
 
 
-async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock, looks: Wakeups) -> None:
+async def watch_fleet(
+    fleet: Fleet,
+    alarms: AlarmBoard,
+    clock: Clock,
+    looks: Wakeups,
+    judge_channels: Callable[[RobotStatus], Awaitable[None]],
+) -> None:
     """Raise and clear alarms until cancelled.
 
     Args:
@@ -301,6 +337,7 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock, looks: Wak
         alarms: Where alarms are raised.
         clock: The robots' clock.
         looks: Names each robot whose status changed.
+        judge_channels: Judges what a robot measures by the catalogue of channels.
     """
     since = clock.now()
     for status in list(fleet.statuses):
@@ -308,6 +345,7 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock, looks: Wak
     while True:
         for robot in await looks.next():
             watch = Watch(clock.now(), since, clock.speed)
+            await judge_channels(fleet.status(robot))
             await _judge(fleet.status(robot), alarms, watch)
             looks.set_due(robot, watch.due)
 
@@ -315,7 +353,8 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock, looks: Wak
 async def _judge(status: RobotStatus, alarms: AlarmBoard, watch: Watch) -> None:
     robot = status.record.id
     for rule in RULES:
-        verdict = rule.judge(status, watch)
+        is_asked = not (status.is_retired or (rule.is_of_contact and status.is_in_workshop))
+        verdict = rule.judge(status, watch) if is_asked else None
         if verdict is None:
             over = "" if rule.over is None else rule.over(status)
             await alarms.clear(rule.cause, robot=robot, text=over)

@@ -10,9 +10,9 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from db.fault import StoreUnavailableError
-from db.query import alarms as query
-from db.query.alarms import AlarmRecord
-from db.query.events import add_event
+from db.query.station import alarms as query
+from db.query.station.alarms import AlarmRecord
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import AlarmChanged, EventBus

@@ -11,12 +11,14 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from autonomy.configuration import Configuration
-from db.query import configurations as query
-from db.query.configurations import ConfigurationRecord
-from db.query.events import add_event
-from db.query.robots import get_robot
+from autonomy.field.config import FieldConfig
+from db.query.fleet.robots import get_robot
+from db.query.station import configurations as query
+from db.query.station.configurations import ConfigurationRecord
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
+from server.base.channels import Channels
 from server.base.configuration_kind import ConfigurationKind, find_kind
 from server.base.event_bus import EventBus, SettingsChanged
 from server.base.problem import Problem, invalid
@@ -65,8 +67,9 @@ class ConfigurationBook:
     one that is nearest in mass.
     """
 
-    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus, channels: Channels) -> None:
         self._store = store
+        self._channels = channels
         self._bus = bus
         self._clock = clock
 
@@ -92,7 +95,7 @@ class ConfigurationBook:
         now = await self.current(kind, robot)
         if not patch:
             return now
-        value = _patched(find_kind(kind), now, patch)
+        value = self._patched(find_kind(kind), now, patch)
         return CurrentConfiguration(kind, robot, None, value, now.preset, None, None)
 
     async def patch(
@@ -121,7 +124,7 @@ class ConfigurationBook:
             now = current(session, found, robot)
             if if_match is not None and if_match not in {"*", now.etag}:
                 raise Problem(412, _changed_meanwhile(now))
-            value = _patched(found, now, patch)
+            value = self._patched(found, now, patch)
             record = query.add_configuration(
                 session, kind, robot, value.model_dump(mode="json"), at=at, by=by
             )
@@ -140,6 +143,19 @@ class ConfigurationBook:
         changed = await self._store.write(change)
         self._bus.publish(SettingsChanged(kind, robot))
         return changed
+
+    def _patched(
+        self, kind: ConfigurationKind, now: CurrentConfiguration, patch: Mapping[str, Any]
+    ) -> Configuration:
+        value = merge(now.value.model_dump(mode="json"), patch, now.preset.model_dump(mode="json"))
+        try:
+            # From JSON, as a file or wire would bring it: lists become tuples, nothing else bends.
+            checked = kind.model.model_validate_json(json.dumps(value))
+        except ValidationError as error:
+            raise invalid(error, kind.model) from error
+        if isinstance(checked, FieldConfig):
+            self._channels.check_mapped(checked.variable)
+        return checked
 
 
 def current(session: Session, kind: ConfigurationKind, robot: str | None) -> CurrentConfiguration:
@@ -180,17 +196,6 @@ def _stored(kind: ConfigurationKind, record: ConfigurationRecord) -> Configurati
             f"{record.id} was saved by another version of the station and does not fit this one: "
             f"{error.errors()[0]['msg']}.",
         ) from error
-
-
-def _patched(
-    kind: ConfigurationKind, now: CurrentConfiguration, patch: Mapping[str, Any]
-) -> Configuration:
-    value = merge(now.value.model_dump(mode="json"), patch, now.preset.model_dump(mode="json"))
-    try:
-        # From JSON, as a file or a wire would bring it: lists become tuples, nothing else bends.
-        return kind.model.model_validate_json(json.dumps(value))
-    except ValidationError as error:
-        raise invalid(error, kind.model) from error
 
 
 def merge(

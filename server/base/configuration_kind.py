@@ -9,18 +9,21 @@ from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS, ControllerKind
 from autonomy.current.config import CurrentMapConfig, current_preset
 from autonomy.estimation.config import EstimatorConfig, estimator_preset
-from autonomy.field.config import FIELD_PRESETS, FieldConfig
+from autonomy.field.config import FieldConfig
+from autonomy.field.preset import field_preset
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import planner_preset
+from autonomy.tag.config import TagConfig
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig, fitting
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
+from robot_link.standard_config import StandardCommandConfig
 from server.base.problem import not_found
 
 ONBOARD_CONTROLLER = "controller.backstepping"
@@ -90,13 +93,14 @@ def _of_controller(kind: ControllerKind) -> ConfigurationKind:
 
 def _by_variable(robot: RobotRecord, vehicle: str) -> FieldConfig:
     water = estimator_preset(vehicle, robot.site.kind)
-    return FIELD_PRESETS.get(robot.site.variable, FieldConfig()).model_copy(
+    return field_preset(robot.site).model_copy(
         update={"steady_current_m_s": water.steady_current_m_s}
     )
 
 
 def _planner_by_water(robot: RobotRecord, vehicle: str) -> PlannerConfig:
-    return planner_preset(vehicle, robot.site.kind)
+    preset = planner_preset(vehicle, robot.site.kind)
+    return preset.model_copy(update={"domain": robot.site.domain})
 
 
 def _estimator_by_water(robot: RobotRecord, vehicle: str) -> EstimatorConfig:
@@ -140,6 +144,14 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _by_vehicle(
                 "tracking", "Target tracking", TRACKING_PRESETS, TrackingConfig(), WITH_MISSION
             ),
+            ConfigurationKind(
+                "tags",
+                "Tags",
+                TagConfig,
+                TagConfig(),
+                lambda _robot, _vehicle: TagConfig(),
+                AT_ONCE,
+            ),
             _by_vehicle("battery", "Battery", BATTERY_PRESETS, BatteryConfig()),
             ConfigurationKind(
                 "trial", "What-if scenario", TrialConfig, TrialConfig(), _trial_by_water
@@ -149,12 +161,24 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("satellite", "Satellite", SatelliteConfig()),
             _same_for_all("link", "Links", RoutingConfig()),
+            _same_for_all(
+                "standard_commands", "Orders to a MAVLink vehicle", StandardCommandConfig()
+            ),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )
     }
 )
 """Every tunable model by its key."""
+
+
+FOREIGN_KINDS = frozenset(("standard_commands", "field", "current_map", "battery", "link"))
+"""What can be set of a vehicle of another maker, which takes no plans of ours."""
+
+
+def fits(kind: str, robot: RobotRecord) -> bool:
+    """Tell whether a model means something for a robot."""
+    return kind in FOREIGN_KINDS if robot.is_foreign else kind != "standard_commands"
 
 
 def find_kind(kind: str) -> ConfigurationKind:

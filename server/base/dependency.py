@@ -1,14 +1,18 @@
 """How a route reaches what its station consists of, by the types in its signature."""
 
 from collections.abc import Callable
+from datetime import datetime
 from typing import Annotated, TypeVar
 
-from fastapi import Depends
+from fastapi import Depends, Query
 from starlette.requests import HTTPConnection
 
+from db.deployment_span import Period
+from db.query.fleet.deployments import DeploymentRecord, NotBegunError, get_deployment
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.foundation import Foundation
+from server.base.problem import FieldError, conflict, unprocessable
 
 S = TypeVar("S")
 
@@ -42,3 +46,50 @@ def service(kind: type[S]) -> Callable[[HTTPConnection], S]:
         return get_foundation(connection).services.get(kind)
 
     return find
+
+
+async def _asked(
+    store: StoreDep,
+    deployment: Annotated[
+        str | None, Query(description="Only what belongs to this deployment.")
+    ] = None,
+) -> DeploymentRecord | None:
+    if deployment is None:
+        return None
+    return await store.query(lambda session: get_deployment(session, deployment))
+
+
+DeploymentDep = Annotated[DeploymentRecord | None, Depends(_asked)]
+"""The deployment that ``?deployment=`` names, ``None`` if it names none."""
+
+
+def period_of(deployment: DeploymentRecord | None, robot: str | None = None) -> Period | None:
+    """Return the time of the deployment that was asked for, ``None`` for all time.
+
+    Raises:
+        Problem: 422 if it is one of another robot; 409 if it has not begun.
+    """
+    if deployment is None:
+        return None
+    if robot is not None and deployment.robot != robot:
+        message = f"{deployment.id} is one of {deployment.robot}"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["deployment"], msg=message)])
+    try:
+        return deployment.period
+    except NotBegunError as error:
+        raise conflict(str(error)) from error
+
+
+def cut_to(
+    deployment: DeploymentRecord | None,
+    robot: str,
+    start: datetime | None,
+    end: datetime | None,
+) -> tuple[datetime | None, datetime | None]:
+    """Return the part between two moments of the deployment that was asked for, if any was.
+
+    Raises:
+        Problem: As ``period_of``.
+    """
+    period = period_of(deployment, robot)
+    return (start, end) if period is None else period.cut(start, end)

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from sqlalchemy.orm import Session
 
-from db.query.alarms import AlarmRecord
-from db.query.events import EventRecord
-from db.query.jobs import JobRecord
+from db.query.station.alarms import AlarmRecord
+from db.query.station.events import EventRecord
+from db.query.station.jobs import JobRecord
 from db.writer import tell_after_commit
 
 log = logging.getLogger(__name__)
@@ -93,6 +93,14 @@ class SettingsChanged:
     kind: str
     robot: str | None
     """Whose; ``None`` for every robot that has none of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelsChanged:
+    """The catalogue of channels is another one."""
+
+    key: str
+    """The channel that was added or changed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import logging
 from sqlalchemy.exc import SQLAlchemyError
 
 from db.fault import StoreError
-from db.query.events import EventRecord, events_after, last_cursor
+from db.query.station.events import EventRecord, events_after, last_cursor
 from db.store import Store
 from server.base.event_bus import EventBus, EventLogged
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from db.fault import StoreUnavailableError
-from db.query.settings import put_setting
+from db.query.station.settings import put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.alarm_board import AlarmBoard
+from server.base.channels import Channels
 from server.base.clock_file import read_clock
 from server.base.configuration import ConfigurationBook
 from server.base.event_bus import EventBus, EventLogged
@@ -71,6 +72,8 @@ class Foundation:
     background: Background
     alarms: AlarmBoard
     jobs: JobBoard
+    channels: Channels
+    """What robots can measure, as this station has it."""
     configurations: ConfigurationBook
     secrets: SecretStore
     """Keys of robots and accounts with gateways; what it holds is shown to nobody."""
@@ -118,6 +121,8 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     lifetime.on_closing(study_workers.hurry)
     await alarms.load()
     await jobs.load()
+    channels = Channels(store, clock, bus)
+    await channels.load()
     background.start("storage watch", watch_storage(store, alarms, clock))
     return Foundation(
         settings=settings,
@@ -127,7 +132,8 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         background=background,
         alarms=alarms,
         jobs=jobs,
-        configurations=ConfigurationBook(store, clock, bus),
+        channels=channels,
+        configurations=ConfigurationBook(store, clock, bus, channels),
         secrets=SecretStore(settings.secret_dir),
         feed=feed,
         workers=workers,

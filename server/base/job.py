@@ -2,19 +2,24 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Mapping
+import shutil
+import tempfile
+import threading
+from collections.abc import Awaitable, Callable, Hashable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import IO, Any, Generic, TypeVar
 
 from db.fault import StoreError
-from db.query import jobs as query
-from db.query.jobs import JobRecord
+from db.query.station import jobs as query
+from db.query.station.jobs import JobRecord
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import EventBus, JobChanged
 from server.base.problem import conflict
 
 logger = logging.getLogger(__name__)
+Key = TypeVar("Key", bound=Hashable)
+T = TypeVar("T")
 
 
 class JobError(Exception):
@@ -36,8 +41,57 @@ class JobProgress:
         self._tell(min(1.0, max(0.0, progress)), message)
 
 
+class WorkStoppedError(Exception):
+    """The job that work of another thread belongs to was cancelled; nothing of it is kept."""
+
+
+class ThreadWork:
+    """Work of other threads for one job: it tells its progress, and ends where the job does."""
+
+    def __init__(self, progress: JobProgress) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._progress = progress
+        self._stop = threading.Event()
+
+    def go_on(self) -> None:
+        """Call it from any thread between two steps.
+
+        Raises:
+            WorkStoppedError: If the job was cancelled meanwhile.
+        """
+        if self._stop.is_set():
+            raise WorkStoppedError
+
+    def report(self, progress: float, message: str) -> None:
+        """Say from any thread how far the work is; raises as ``go_on`` does."""
+        self.go_on()
+        self._loop.call_soon_threadsafe(self._progress.report, progress, message)
+
+    async def result(self, work: Awaitable[T]) -> T:
+        """Await work of a thread; where that is cancelled, have it stop and wait until it has.
+
+        Otherwise the thread would go on with a file that is closed, or hold up everybody's writing.
+        """
+        task = asyncio.ensure_future(work)
+        try:
+            return await asyncio.shield(task)
+        except asyncio.CancelledError:
+            self._stop.set()
+            await asyncio.wait([task])
+            raise
+
+
 JobWork = Callable[[JobProgress], Awaitable[Mapping[str, Any]]]
 """The work itself: returns the job's result, or raises ``JobError``."""
+
+
+def kept_upload(source: IO[bytes]) -> IO[bytes]:
+    """Copy an upload into a nameless file: the request's own is gone before a job has read it."""
+    kept = tempfile.TemporaryFile()  # noqa: SIM115 - closed by the job
+    source.seek(0)
+    shutil.copyfileobj(source, kept)
+    kept.seek(0)
+    return kept
 
 
 class JobBoard:
@@ -138,3 +192,61 @@ class JobBoard:
     def _show(self, job: JobRecord) -> None:
         self._running[job.id] = job
         self._bus.publish(JobChanged(job))
+
+
+class JobPerKey(Generic[Key]):
+    """The jobs of one kind that are under way, by what they are about: a map, a robot, a file.
+
+    Belongs to one event loop.
+    """
+
+    def __init__(self, board: JobBoard, kind: str) -> None:
+        self._board = board
+        self._kind = kind
+        self._running: dict[Key, str] = {}
+        self._newest: dict[Key, str] = {}
+        self._starting = asyncio.Lock()
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self._running)
+
+    def get(self, key: Key) -> str | None:
+        """Return the id of the job about something, if one is under way."""
+        return self._running.get(key)
+
+    def newest(self, key: Key) -> str | None:
+        """Return the id of the newest job about something since the station began, or ``None``."""
+        return self._newest.get(key)
+
+    async def start(
+        self,
+        key: Key,
+        work: Callable[[JobProgress], Awaitable[Mapping[str, Any]]],
+        *,
+        by: str,
+    ) -> str:
+        """Begin a job; return its id, that of the one under way if there is one.
+
+        Raises:
+            StoreError: Nothing was begun.
+        """
+        is_over = False
+
+        async def until_done(progress: JobProgress) -> Mapping[str, Any]:
+            nonlocal is_over
+            try:
+                return await work(progress)
+            finally:
+                is_over = True
+                self._running.pop(key, None)
+
+        async with self._starting:
+            running = self._running.get(key)
+            if running is not None:
+                return running
+            job = await self._board.start(self._kind, until_done, by=by)
+            self._newest[key] = job.id
+            if not is_over and any(one.id == job.id for one in self._board.running):
+                self._running[key] = job.id
+            return job.id

@@ -21,7 +21,7 @@ from datetime import datetime
 
 import msgspec
 
-from db.query.events import EventRecord, events_after
+from db.query.station.events import EventRecord, events_after
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import EventLogged

@@ -9,6 +9,9 @@ import platformdirs
 from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+LINK_FOLDER = "links"
+"""Folder below the data folder where the station's ends of simulated radios appear."""
+
 
 class Settings(BaseSettings):
     """Settings of one station; every field is also an environment variable ``GRACE_<FIELD>``."""
@@ -37,6 +40,8 @@ class Settings(BaseSettings):
     """The robots do not exist: every page and file is marked SIMULATION."""
     clock_file: Path | None = None
     """Anchors of a scaled clock that station and simulator share; none means real time."""
+    demo_port: int | None = Field(default=None, ge=1, le=65535)
+    """Loopback port at which the simulator takes faults to cause; none means that nobody can."""
     directip_host: str = "127.0.0.1"
     """Address on which DirectIP messages of robots are taken; the gateway must reach it."""
     directip_port: int | None = Field(default=None, ge=0, le=65535)
@@ -67,6 +72,14 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"{self.host} can be reached from other machines: give tls_certificate and "
                 "tls_key, or behind_proxy when a proxy speaks TLS, or listen on 127.0.0.1"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _only_plays_in_a_simulation(self) -> Self:
+        if self.demo_port is not None and not self.simulation:
+            raise ValueError(
+                "demo_port needs simulation: faults are caused in robots of a demo only"
             )
         return self
 

@@ -18,9 +18,9 @@ from sqlalchemy.orm import Session
 
 from autonomy.result import Result
 from db.fault import StoreError, StoreUnavailableError
-from db.query import studies as query
-from db.query.events import add_event
-from db.query.studies import StudyRecord
+from db.query.mission import studies as query
+from db.query.mission.studies import StudyRecord
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.job import JobBoard, JobError, JobProgress

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from autonomy.vehicle.parameter_file import vehicle_document, vehicle_from_document
-from db.query.vehicles import VehicleRecord, get_vehicle
+from db.query.fleet.vehicles import VehicleRecord, get_vehicle
 
 BUILT_IN = "built-in"
 """Origin of the vehicles that the station brings along."""

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from autonomy.chart import CHARTS, FOLDERS_VARIABLE
 from server.base import worker_process as wire
 
 log = logging.getLogger(__name__)
@@ -59,7 +60,7 @@ class _Process:
             str(niceness),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            env={**os.environ, **_ENVIRONMENT},
+            env={**os.environ, **_ENVIRONMENT, FOLDERS_VARIABLE: _chart_folders()},
         )
         worker = cls(process)
         try:
@@ -111,6 +112,10 @@ class _Process:
                 self._received.put_nowait(await _unpacked(body))
         await self.process.wait()
         self._received.put_nowait(None)
+
+
+def _chart_folders() -> str:
+    return os.pathsep.join(map(str, CHARTS.folders))
 
 
 async def _unpacked(body: bytes) -> tuple[Any, ...]:

@@ -1,11 +1,12 @@
-"""What the verbs that work on a data folder share: its options, its database, its clock."""
+"""Where verbs work: a data folder with its database and clock, or a running station by REST."""
 
-from argparse import ArgumentParser, Namespace
+import os
+from argparse import Namespace
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
+import httpx
 from pydantic import ValidationError
 
 from db.engine import shown_url
@@ -18,16 +19,7 @@ from server.base.problem import Problem
 from server.base.settings import Settings
 from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
 from server.cli.failure import CommandError
-
-
-def add_data_option(parser: ArgumentParser) -> None:
-    """Add ``--data``."""
-    parser.add_argument(
-        "--data",
-        type=Path,
-        metavar="DIR",
-        help="data folder of the station (default: GRACE_DATA_DIR, or the user's data folder)",
-    )
+from server.cli.option import TOKEN_VARIABLE
 
 
 def settings_of(arguments: Namespace, **more: Any) -> Settings:  # noqa: ANN401 - fields of the settings
@@ -71,3 +63,36 @@ def open_store(settings: Settings) -> Generator[Store]:
         raise CommandError(str(error)) from error
     finally:
         store.close()
+
+
+@contextmanager
+def open_remote(arguments: Namespace) -> Generator[httpx.Client]:
+    """Open a client of the station at ``--url``; what it refuses becomes a ``CommandError``."""
+    token = os.environ.get(TOKEN_VARIABLE)
+    if not token:
+        raise CommandError(
+            f"--url needs a token in {TOKEN_VARIABLE}; grace token create makes one.", status=2
+        )
+    headers = {"Authorization": f"Bearer {token}"}
+    try:
+        with httpx.Client(base_url=arguments.url, headers=headers, timeout=60.0) as client:
+            yield client
+    except httpx.HTTPError as error:
+        raise CommandError(f"{arguments.url} does not answer: {error}") from error
+
+
+def checked(answer: httpx.Response) -> httpx.Response:
+    """Return the answer unless it is a refusal.
+
+    Raises:
+        CommandError: With the station's own sentence.
+    """
+    if answer.is_success:
+        return answer
+    try:
+        problem = answer.json()
+        fields = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in problem.get("errors", [])]
+        sentence = "; ".join([problem["detail"], *fields])
+    except (ValueError, KeyError):
+        sentence = f"The station answered {answer.status_code}."
+    raise CommandError(sentence)

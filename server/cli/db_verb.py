@@ -22,12 +22,15 @@ from db.fault import StoreError, StoreUnavailableError
 from db.migrate import schema_version
 from robot_link.whole_file import keep_names
 from server.base.settings import Settings
-from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
+from server.cli.option import add_data_option
+from server.current.told import FOLDER as CURRENT_FOLDER
+from server.water.waters import CHART_FOLDER
 
 DATABASE: Final = "station.sqlite3"
-FOLDERS: Final = ("secret", "log")
+FOLDERS: Final = ("secret", "log", CHART_FOLDER, CURRENT_FOLDER)
 _SQLITE_BEGINS: Final = b"SQLite format 3\0"
 
 

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from robot_link.messages import RobotId
 from robot_link.whole_file import replace_file
 from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError
-from simulator.fleet import FLEET
+from simulator.fleet import FLEET, is_sub
 from simulator.settings import GatewaySettings
 
 GATEWAY_FILE = Path("simulator") / "gateway.json"
@@ -48,7 +48,7 @@ def prepare_gateway(folder: Path, store: SecretStore, station_url: str) -> None:
     before = read_gateway(folder)
     key = _new_key() if before is None else before.private_key_pem
     settings = GatewaySettings(
-        port=_free_port(),
+        port=free_port(),
         push_url=f"{station_url}/api/gateways/rockblock/push/{store.push_path('rockblock')}",
         username=_USER,
         password=secrets.token_urlsafe(16) if before is None else before.password,
@@ -80,6 +80,9 @@ def decide_signing(store: SecretStore, robots: Iterable[RobotId]) -> None:
     A robot whose key is damaged goes without radio until a person makes a new one.
     """
     for robot in robots:
+        if is_sub(robot):
+            store.turn_signing_off(robot)
+            continue
         try:
             if store.signing_key(robot) is None and not store.is_signing_off(robot):
                 store.new_signing_key(robot)
@@ -94,6 +97,8 @@ def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> No
     that is damaged at the station, the robot keeps its own copy, and nobody else goes without.
     """
     for robot in robots:
+        if is_sub(robot):
+            continue
         memory = folder / MEMORY_FOLDER / robot
         for give in (_give_satellite_key, _give_signing_key):
             try:
@@ -120,7 +125,8 @@ def _write_secret(file: Path, text: str) -> None:
     replace_file(file, text.encode(), mode=0o600)
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port of the loopback that nobody has now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]

@@ -9,7 +9,7 @@ import tempfile
 import webbrowser
 from argparse import ArgumentParser, Namespace
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
 from html import escape
@@ -17,9 +17,15 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from db.query.configurations import add_configuration, newest_configuration
-from db.query.people import add_person, find_person
-from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
+from db.query.fleet.robots import (
+    RobotExistsError,
+    RobotRecord,
+    add_robot,
+    change_robot,
+    list_robots,
+)
+from db.query.station.configurations import add_configuration, newest_configuration
+from db.query.station.people import add_person, find_person
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
 from robot_link.whole_file import replace_file
@@ -27,20 +33,28 @@ from server.access import register
 from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.secret import SecretStore
-from server.cli.data import add_data_option, open_store, settings_of
+from server.base.settings import LINK_FOLDER
+from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, LOG_FOLDER, DataFolderError, make_data_folder
-from server.cli.demo_gateway import decide_signing, prepare_gateway
+from server.cli.demo_gateway import decide_signing, free_port, prepare_gateway
 from server.cli.failure import CommandError
-from server.cli.simulate_verb import LINK_FOLDER, add_world_options
+from server.cli.option import add_data_option
+from server.cli.simulate_verb import add_world_options
 from server.cli.supervisor import Child, Supervisor
+from simulator.fault import CausedFault
 from simulator.fleet import (
+    DEMO_ROBOTS,
     FLEET,
     STATION_ACOUSTIC,
     STATION_ADDRESS,
-    USUAL_ROBOTS,
+    SUBS,
     RobotDefinition,
+    fault_names_of,
+    is_sub,
     robots_named,
+    sub_definition,
 )
+from simulator.settings import PORT_SUFFIX
 from webui.build import APP, ROOT, BuildError, dev_command
 
 DEFAULT_PORT = 8000
@@ -62,8 +76,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
     parser.add_argument(
         "--robots",
-        default=",".join(USUAL_ROBOTS),
-        help=f"which of {', '.join(FLEET)} (default: %(default)s)",
+        default=",".join(DEMO_ROBOTS),
+        help=f"which of {', '.join((*FLEET, *SUBS))}, or the first so many of a kind, such as"
+        " miniglider:10,grace3:10 (default: %(default)s)",
     )
     add_world_options(parser)
     parser.add_argument(
@@ -82,6 +97,9 @@ def run(arguments: Namespace) -> int:
         robots = robots_named(arguments.robots.split(","))
     except ValueError as error:
         raise CommandError(f"--robots: {error}", status=2) from error
+    for fault in map(CausedFault.of, arguments.fault):
+        if refusal := fault.refusal(fault_names_of(robots)):
+            raise CommandError(f"--fault: {refusal}", status=2)
     with _listener(arguments.port) as listener, _data_folder(arguments.data) as folder:
         clock_file = folder / CLOCK_FILE
         start_clock(clock_file, arguments.speed)
@@ -112,10 +130,11 @@ async def _supervise(
     clock = ("--clock-file", str(folder / CLOCK_FILE))
     port = ("--port", str(listener.getsockname()[1]), "--listen-fd", str(listener.fileno()))
     lives = ("--seed", str(arguments.seed), "--robots", arguments.robots, *_trouble(arguments))
-    simulator = Child("simulator", (*grace, "simulate", *data, *lives))
+    desk = ("--demo-port", str(free_port()))
+    simulator = Child("simulator", (*grace, "simulate", *data, *desk, *lives))
     station = Child(
         "station",
-        (*grace, "serve", *data, *clock, *port, "--simulation"),
+        (*grace, "serve", *data, *clock, *port, *desk, "--simulation"),
         pass_fds=(listener.fileno(),),
         health_url=f"{url}/api/health",
         awaits=() if arguments.far else _radios(arguments, folder),
@@ -161,16 +180,19 @@ def _url(listener: socket.socket) -> str:
 def _radios(arguments: Namespace, folder: Path) -> tuple[Path, ...]:
     """Return the ports of the radios, which the simulator makes."""
     names = robots_named(arguments.robots.split(","))
-    return tuple({folder / LINK_FOLDER / FLEET[name].link_name for name in names})
+    own = [FLEET[name] for name in names if not is_sub(name)]
+    return tuple({folder / LINK_FOLDER / robot.link_name for robot in own})
 
 
 def _trouble(arguments: Namespace) -> tuple[str, ...]:
     """Return the simulator's options that make a robot's life harder."""
-    options: list[str] = ["--far"] if arguments.far else []
+    options = [f"--{name}" for name in ("far", "ctd") if getattr(arguments, name)]
     for name in ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers"):
         value = getattr(arguments, name)
         if value is not None:
             options += [f"--{name.replace('_', '-')}", str(value)]
+    for fault in arguments.fault:
+        options += ["--fault", fault]
     if arguments.current:
         options += ["--current", arguments.current]
     return tuple(options)
@@ -183,12 +205,18 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
     def prepare(session: Session) -> str:
         known = {robot.id for robot in list_robots(session)}
         for name in robots:
-            robot = _record(FLEET[name], folder, at)
+            robot = (
+                _sub_record(name, folder, at) if is_sub(name) else _record(FLEET[name], folder, at)
+            )
             if robot.id in known:
                 change_robot(session, robot.id, links=robot.links)
+            elif is_sub(name):
+                with suppress(RobotExistsError):  # the folder's own robot keeps its system id
+                    add_robot(session, robot)
             else:
                 add_robot(session, robot)
-            _agree_on_satellite(session, FLEET[name], at)
+            if not is_sub(name):
+                _agree_on_satellite(session, FLEET[name], at)
         if find_person(session, PERSON) is None:
             add_person(session, PERSON, Role.ADMIN, None, at)
         return register.create_sign_in_link(
@@ -226,6 +254,23 @@ def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRec
         links=tuple(links),
         site=definition.site,
         created_at=at,
+    )
+
+
+def _sub_record(name: RobotId, folder: Path, at: datetime) -> RobotRecord:
+    """Return a vehicle that is not ours, at a UDP port that its simulator is told of by a file."""
+    definition, port = sub_definition(name), free_port()
+    (folder / LINK_FOLDER / f"{name}{PORT_SUFFIX}").write_text(str(port))
+    return RobotRecord(
+        id=name,
+        name=name,
+        model="",
+        kind="simulated",
+        system_id=definition.system_id,
+        links=(f"udp://127.0.0.1:{port}",),
+        site=definition.site,
+        created_at=at,
+        protocol="mavlink",
     )
 
 

@@ -3,11 +3,12 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from db.query.deployments import get_deployment, list_deployments
-from db.query.robots import get_robot
+from db.query.fleet.deployments import get_deployment, list_deployments
+from db.query.fleet.robots import get_robot
 from db.store import Store
-from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.data import open_store, settings_of
 from server.cli.failure import CommandError
+from server.cli.option import add_data_option
 from server.recording.export import csv_blocks, geojson, kml
 
 

@@ -11,12 +11,13 @@ import httpx
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from db.query.deployments import DeploymentExistsError
+from db.query.fleet.recordings import DeploymentExistsError
+from server.base.channels import catalogue_in
 from server.base.job import JobError
-from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data import checked, clock_of, open_remote, open_store, settings_of
 from server.cli.data_folder import DataFolderError, DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
-from server.cli.remote import add_remote_options, checked, open_remote
+from server.cli.option import add_data_option, add_remote_options
 from server.recording import intake
 from server.recording.map_fit import run as fit_maps
 from server.recording.robot_id import ROBOT_ID
@@ -86,6 +87,8 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
             arguments.file.open("rb") as file,
             open_store(settings) as store,
         ):
+            with store.read() as session:
+                channels = catalogue_in(session)
             order = intake.ImportOrder(
                 file=file,
                 size=arguments.file.stat().st_size,
@@ -93,6 +96,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
                 robot=arguments.robot,
                 policy=arguments.policy,
                 by="command line",
+                channels=channels,
             )
             recording, log = intake.read_order(
                 order, lambda share: bar.report(share * intake.READ_SHARE, "Reading the file")
@@ -103,7 +107,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
                 lambda session: intake.keep_order(session, order, recording, log, at)
             ).result()
             with store.read() as session:
-                problem = intake.fit_problem(session, order.robot, recording)
+                problem = intake.fit_problem(session, order, recording)
             outcomes = fit_maps(
                 problem,
                 lambda news: bar.report(intake.fit_share(news[0]), news[1]),

@@ -6,12 +6,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from db.fault import UnknownIdError
-from db.query.journal import JournalRange, iterate_frames
+from db.query.station.journal import JournalRange, iterate_frames
 from db.store import Store
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data import clock_of, open_store, settings_of
 from server.cli.failure import CommandError
+from server.cli.option import add_data_option
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
 

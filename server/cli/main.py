@@ -16,11 +16,13 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "demo": "start the station with two simulated robots and print its address",
         "serve": "start the station alone",
         "simulate": "start the simulated robots alone",
-        "robot": "run one robot's onboard program alone, against its nodes",
+        "robot": "add, list, retire robots; run one's onboard program alone, against its nodes",
         "link": "listen to a link and say what to try, or list the links of the robots",
         "import": "take in a recorded deployment from CSV",
+        "water": "make a water of files, or list the waters",
         "export": "write a deployment as CSV, GeoJSON or KML",
         "journal": "write the raw journal as .tlog, or hold what is stored against it",
+        "base-map": "add, list and remove offline charts that lie under every map",
         "token": "create, list and revoke the tokens of scripts",
         "user": "add people, change their role or password, make a sign-in link",
         "db": "upgrade, check, back up or restore the database",
@@ -51,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit status.
 
     A verb's module is imported only when it is asked for: it has ``add_arguments(parser)`` and
-    ``run(arguments) -> int``.
+    ``run(arguments) -> int``, and ``completed(words)`` where some of them may be left out.
     """
     _keep_algebra_on_one_core()
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -63,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=version("grace-ground-station"))
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     asked = next((word for word in words if not word.startswith("-")), None)
-    modules = {verb: f"{__package__}.{verb}_verb" for verb in VERBS}
+    modules = {verb: f"{__package__}.{verb.replace('-', '_')}_verb" for verb in VERBS}
     helps = dict(VERBS)
     for verb, (module_name, help_text) in EXTRAS.items():
         if find_spec(module_name.partition(".")[0]) is not None:
@@ -74,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         if verb == asked:
             module = importlib.import_module(modules[verb])
+            words = getattr(module, "completed", list)(words)
             module.add_arguments(verb_parser)
             verb_parser.set_defaults(run=module.run)
     parsed = parser.parse_args(words)

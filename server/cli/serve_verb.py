@@ -15,11 +15,11 @@ from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from server.app import create_app
 from server.base.settings import Settings
-from server.cli.console_log import log_to_console
-from server.cli.data import add_data_option, settings_of
+from server.cli.data import settings_of
 from server.cli.data_folder import DataFolderError, hold_data_folder
-from server.cli.failure import CommandError
+from server.cli.failure import CommandError, log_to_console
 from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
+from server.cli.option import add_data_option
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128
@@ -49,6 +49,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--clock-file", type=Path, metavar="FILE", help="scaled clock that the simulator shares"
     )
+    parser.add_argument(
+        "--demo-port",
+        type=int,
+        metavar="PORT",
+        help="loopback port of a simulator with the same option, whose robots may be given faults",
+    )
     parser.add_argument("--listen-fd", type=int, help=SUPPRESS)
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
@@ -65,6 +71,7 @@ def run(arguments: Namespace) -> int:
         public_origins=arguments.public_origin,
         simulation=arguments.simulation,
         clock_file=arguments.clock_file,
+        demo_port=arguments.demo_port,
     )
     if arguments.parent_pid is not None:
         _end_with_parent(arguments.parent_pid)

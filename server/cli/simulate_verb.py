@@ -1,20 +1,30 @@
 """``grace simulate``: the simulated robots and their radios."""
 
+import asyncio
+import logging
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
 from autonomy.site import TANK
+from db.query.station.events import add_event
 from server.base.clock_file import ClockAnchors, start_clock
 from server.base.secret import SecretStore
-from server.cli.console_log import log_to_console
-from server.cli.data import add_data_option, settings_of
+from server.base.settings import LINK_FOLDER
+from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, make_data_folder
-from server.cli.failure import CommandError
+from server.cli.failure import CommandError, log_to_console
+from server.cli.option import add_data_option
 
-LINK_FOLDER = "links"
-"""Folder below the data folder where the station's ends of the radios appear."""
+if TYPE_CHECKING:
+    from simulator.fault_desk import FaultNews
+
 _PART_MAX = 0.9
+
+_log = logging.getLogger(__name__)
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -24,12 +34,22 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--speed", type=float, help="how many times faster than life (default: as it was, or 1)"
     )
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
-    parser.add_argument("--robots", help="names of the robots, comma between them")
+    parser.add_argument(
+        "--robots",
+        help="names of the robots, comma between them; one that was added to the station as"
+        " simulated lives with the vehicle and in the water that it has there",
+    )
     add_world_options(parser)
     parser.add_argument(
         "--bodies",
         action="store_true",
         help="simulate bodies, devices and radios alone; grace robot runs the onboard programs",
+    )
+    parser.add_argument(
+        "--demo-port",
+        type=int,
+        metavar="PORT",
+        help="loopback port at which a station with the same option causes faults",
     )
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
@@ -40,12 +60,26 @@ def add_world_options(parser: ArgumentParser) -> None:
         "--far", action="store_true", help="begin with the lake robot out of radio range"
     )
     parser.add_argument(
+        "--ctd",
+        action="store_true",
+        help="GRACE robots carry a CTD: salinity, conductivity and pressure",
+    )
+    parser.add_argument(
         "--current",
         type=flow,
         metavar="FLOW",
         help="how the water flows, which robots and station are not told: gyre, double, shear, "
         "tide or uniform, such as uniform:0.02 (m/s), uniform:0.02@90 (towards the east), "
-        "tide:0.08/2 (a period of 2 h), gyre:0.05+tide",
+        "tide:0.08/2 (a period of 2 h), gyre:0.05+tide, or FILE.nc of an ocean model",
+    )
+    parser.add_argument(
+        "--fault",
+        type=caused,
+        action="append",
+        default=[],
+        metavar="[ROBOT:]NAME@SECONDS",
+        help="what breaks so long after a robot was switched on, by its clock: leak, pump, sensor, "
+        "optode, battery or gps; may be given again; without a robot it meets each",
     )
     for name, what in (
         ("loss", "radio frames that are lost"),
@@ -88,10 +122,41 @@ def flow(text: str) -> str:
     return text
 
 
+def caused(text: str) -> str:
+    """Check that a text names a fault.
+
+    Raises:
+        ArgumentTypeError: If it does not.
+    """
+    from simulator.fault import CausedFault
+
+    try:
+        CausedFault.of(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from error
+    return text
+
+
+def note_fault(folder: Path, at: datetime, news: "FaultNews") -> None:
+    """Write into the event log that a fault was caused, or undone."""
+    kind, level = ("fault.mended", "info") if news.is_over else ("fault.caused", "warning")
+    try:
+        with open_store(settings_of(Namespace(data=folder))) as store:
+            store.change(
+                lambda session: add_event(
+                    session, at, kind, news.text, level=level, robot=news.robot
+                )
+            ).result()
+    except CommandError as error:
+        _log.warning("%s It is not in the event log: %s", news.text, error)
+
+
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
     from server.cli.demo_gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
+    from server.cli.robot_verb.simulated import admit_own
+    from simulator.fault_desk import FaultNews
     from simulator.process import run as run_simulator
     from simulator.settings import SimulatorSettings
 
@@ -105,6 +170,9 @@ def run(arguments: Namespace) -> int:
         anchors = start_clock(clock_file, arguments.speed or 1.0)
     links = folder / LINK_FOLDER
     links.mkdir(exist_ok=True)
+    robots = arguments.robots.split(",") if arguments.robots else []
+    # Robots of the station's own have no satellite modem, and may live beside a demo that has one.
+    is_apart = bool(robots) and len(admit_own(folder, robots)) == len(robots)
     said = {
         "link_folder": links,
         "wall_anchor": anchors.wall_anchor,
@@ -117,12 +185,15 @@ def run(arguments: Namespace) -> int:
         "acoustic_loss": arguments.acoustic_loss,
         "acoustic_outliers": arguments.acoustic_outliers,
         "is_far": arguments.far,
+        "has_ctd": arguments.ctd,
         "has_programs": not arguments.bodies,
         "memory_folder": folder / MEMORY_FOLDER,
-        "gateway": read_gateway(folder),
-        "satellite_memory": folder / NETWORK_FILE,
+        "gateway": None if is_apart else read_gateway(folder),
+        "satellite_memory": None if is_apart else folder / NETWORK_FILE,
         "current": arguments.current,
-        "robots": arguments.robots and arguments.robots.split(","),
+        "faults": arguments.fault,
+        "desk_port": arguments.demo_port,
+        "robots": robots or None,
     }
     try:
         settings = SimulatorSettings.model_validate(
@@ -130,8 +201,14 @@ def run(arguments: Namespace) -> int:
         )
     except ValidationError as error:
         first = error.errors()[0]
-        raise CommandError(f"{first['loc'][0]}: {first['msg']}", status=2) from error
+        where = f"{first['loc'][0]}: " if first["loc"] else ""
+        raise CommandError(f"{where}{first['msg']}", status=2) from error
     give_keys(folder, SecretStore(station.secret_dir), settings.robots)
     log_to_console()
-    run_simulator(settings)
+    time = settings.clock()
+
+    async def tell(news: FaultNews) -> None:
+        await asyncio.to_thread(note_fault, folder, time.now(), news)
+
+    run_simulator(settings, tell)
     return 0

@@ -3,10 +3,11 @@
 from argparse import ArgumentParser, Namespace
 from datetime import timedelta
 
-from db.query.people import list_tokens
+from db.query.station.people import list_tokens
 from server.access import register
 from server.access.role import Role
-from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data import clock_of, open_store, settings_of
+from server.cli.option import add_data_option
 
 
 def add_arguments(parser: ArgumentParser) -> None:

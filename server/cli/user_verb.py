@@ -5,13 +5,14 @@ import sys
 from argparse import ArgumentParser, Namespace
 from datetime import datetime, timedelta
 
-from db.query.people import list_people
+from db.query.station.people import list_people
 from db.store import Store
 from server.access import register
 from server.access.role import Role
 from server.access.secret import hash_password
-from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data import clock_of, open_store, settings_of
 from server.cli.failure import CommandError
+from server.cli.option import add_data_option
 
 _BY = "command line"
 

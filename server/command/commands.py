@@ -8,10 +8,11 @@ from datetime import datetime, timedelta
 
 from sqlalchemy.orm import Session
 
+from db.deployment_span import Period
 from db.fault import StoreUnavailableError
-from db.query import commands as query
-from db.query.commands import CommandRecord, ProvedLevel
-from db.query.events import add_event
+from db.query.mission import commands as query
+from db.query.mission.commands import CommandRecord, ProvedLevel
+from db.query.station.events import add_event
 from robot_link.messages import (
     FIRST_EMERGENCY_NUMBER,
     CommandKind,
@@ -34,8 +35,9 @@ from server.command.state import (
     surface_fault,
 )
 from server.command.view import CommandView, command_view, waiting_view
+from server.fleet.capability import refuse_unless_able
+from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
-from server.fleet.recorded import refuse_recording
 from server.fleet.routing import RequestedLink
 from server.fleet.words import told_to
 from server.link.link import Radio
@@ -50,8 +52,21 @@ _LIFE = {
     CommandKind.START: timedelta(minutes=30),
     CommandKind.QUIET: timedelta(hours=1),
     CommandKind.PING: timedelta(hours=1),
+    CommandKind.ARM: timedelta(minutes=5),
+    CommandKind.DISARM: timedelta(minutes=10),
 }
 """Time after which a command is never sent, by the robots' clock."""
+_CAPABILITIES = {
+    CommandKind.SURFACE: "surface",
+    CommandKind.HOLD: "hold",
+    CommandKind.RESUME: "resume",
+    CommandKind.START: "start",
+    CommandKind.QUIET: "ping",
+    CommandKind.PING: "ping",
+    CommandKind.ARM: "arm",
+    CommandKind.DISARM: "arm",
+}
+"""What a robot must be able to do to be told each."""
 _SATELLITE_LIFE = timedelta(hours=24)
 """The same of a command that goes by satellite: its robot may not call for hours."""
 _WRITE_PATIENCE_S = 0.1
@@ -179,12 +194,14 @@ class Commands:
             lambda session: waiting_view(session, query.get_command(session, command), waits)
         )
 
-    async def latest(self, robot: str, limit: int) -> list[CommandView]:
+    async def latest(
+        self, robot: str, limit: int, period: Period | None = None
+    ) -> list[CommandView]:
         """Return the newest commands of a robot, the newest first."""
         waits = self._satellite.waits
 
         def read(session: Session) -> list[CommandView]:
-            records = query.list_commands(session, robot=robot, limit=limit)
+            records = query.list_commands(session, robot=robot, period=period, limit=limit)
             return [waiting_view(session, record, waits) for record in records]
 
         return await self._store.query(read)
@@ -218,6 +235,7 @@ class Commands:
             Problem: As of ``send``.
         """
         refuse_recording(self._fleet.status(robot), "cannot be told anything")
+        refuse_unless_able(self._fleet.status(robot), _CAPABILITIES[kind])
         if kind is CommandKind.SURFACE:
             requested = "auto"
         links = self._links(robot, kind, requested)
@@ -261,6 +279,10 @@ class Commands:
         """
         if kind is CommandKind.SURFACE:
             return self._satellite.choice(robot, "surface").links
+        if kind in (CommandKind.ARM, CommandKind.DISARM):
+            if requested == "satellite":
+                raise conflict("Orders to arm and to disarm go by radio alone.")
+            return ()
         choice = self._satellite.choice(robot, "command", requested)
         if requested != "auto" and not choice.links:
             raise conflict(choice.reason)

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Query
 from robot_link.messages import CommandKind
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.dependency import service
+from server.base.dependency import DeploymentDep, period_of, service
 from server.base.view import Body, View
 from server.command.commands import Commands
 from server.command.view import CommandView
@@ -22,10 +22,11 @@ CommandsDep = Annotated[Commands, Depends(service(Commands))]
 class CommandRequest(Body):
     """An order to a robot."""
 
-    kind: Literal["surface", "hold", "resume", "quiet", "ping"]
+    kind: Literal["surface", "hold", "resume", "quiet", "ping", "arm", "disarm"]
     """``surface`` aborts the mission and ends its automation, ``hold`` suspends it at the next
     surfacing, ``resume`` goes on; ``quiet`` lets a robot that follows a target stop pinging it,
-    ``ping`` go on with that."""
+    ``ping`` go on with that; ``arm`` lets the motors of a vehicle of another maker turn, ``disarm``
+    stops them."""
     route: Literal["auto", "radio", "satellite"] = "auto"
     """The link that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
     every link whatever is asked for."""
@@ -57,12 +58,13 @@ async def list_commands(
     robot: str,
     commands: CommandsDep,
     fleet: FleetDep,
+    deployment: DeploymentDep,
     limit: Annotated[int, Query(ge=1, le=1000)] = 50,
 ) -> list[CommandView]:
     """Return the newest commands of a robot, the newest first."""
     del caller
     fleet.status(robot)
-    return await commands.latest(robot, limit)
+    return await commands.latest(robot, limit, period_of(deployment, robot))
 
 
 @router.get("/commands/{command}")

@@ -6,10 +6,10 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query import outbox as query
-from db.query.commands import CommandRecord
-from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import SatelliteMessage
+from db.query.mission.commands import CommandRecord
+from db.query.satellite import outbox as query
+from db.query.satellite.outbox import OutboxRecord
+from db.query.satellite.satellite_messages import SatelliteMessage
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, PlanHash
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.order import pack_order

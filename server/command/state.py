@@ -20,10 +20,10 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from db.query import commands as query
-from db.query.commands import CommandRecord
-from db.query.events import add_event
-from db.query.outbox import newest_outboxes, open_outbox
+from db.query.mission import commands as query
+from db.query.mission.commands import CommandRecord
+from db.query.satellite.outbox import newest_outboxes, open_outbox
+from db.query.station.events import add_event
 from robot_link.messages import CommandKind, CommandLevel
 from server.base.transition_table import transitions
 from server.command.view import CommandView, command_view

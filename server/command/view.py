@@ -7,8 +7,8 @@ from typing import Annotated
 
 from sqlalchemy.orm import Session
 
-from db.query.commands import CREATED, CommandRecord
-from db.query.outbox import open_outbox
+from db.query.mission.commands import CREATED, CommandRecord
+from db.query.satellite.outbox import open_outbox
 from db.record import same
 from robot_link.messages import CommandKind
 from server.base.view import View, one_of

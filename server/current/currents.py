@@ -10,7 +10,7 @@ import json
 import logging
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from operator import itemgetter
 from typing import Any
@@ -22,16 +22,16 @@ from autonomy.current.model import CurrentMap, Observation
 from autonomy.estimation.config import EstimatorConfig
 from db.column import moment
 from db.fault import StoreError
-from db.query.current_observations import (
+from db.query.fleet.robots import RobotRecord
+from db.query.measured.current_observations import (
     add_observation,
     fixes_between,
     newest_observations,
 )
-from db.query.current_reports import believed_currents
-from db.query.events import add_event
-from db.query.robots import RobotRecord
-from db.query.settings import get_setting, put_setting
-from db.query.smoothing import newest_fix, track_columns
+from db.query.measured.current_reports import believed_currents
+from db.query.measured.smoothing import newest_fix, track_columns
+from db.query.station.events import add_event
+from db.query.station.settings import get_setting, put_setting
 from robot_link.messages import RobotId
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
@@ -40,6 +40,8 @@ from server.current.event import CurrentChanged
 from server.current.observing import Seen, Stay, dives_seen
 from server.current.record import KeptObservation
 from server.current.task import LEARN_CURRENT, CurrentLearning
+from server.current.told import FOLDER as TOLD_FOLDER
+from server.current.told import read_told, told_current
 from server.current.water_current import Taken, WaterCurrent
 from server.fleet.event import FixTaken, RobotChanged
 from server.fleet.fleet import Fleet
@@ -96,6 +98,30 @@ class Currents:
         if found is None or not found.is_usable(self._foundation.clock.now().timestamp()):
             return None
         return found.known
+
+    def carrier(self, robot: str) -> CurrentMap | None:
+        """Return the map of a robot's water if its dives tell how it moved until now."""
+        found = self.of(robot)
+        if found is None or not found.is_carrier(self._foundation.clock.now().timestamp()):
+            return None
+        return found.known
+
+    def belief(self, water: str) -> float | None:
+        """Return how far the dives of a water's robots let one believe what is told of it."""
+        robots = (one.record.id for one in self._fleet.statuses if one.record.water == water)
+        found = [here for here in map(self.of, robots) if here is not None]
+        return min((one.known.belief for one in found), default=None)
+
+    async def retell(self, water: str) -> None:
+        """Take that something else is told of the current of a water.
+
+        Raises:
+            StoreError: It is taken at the station's next start.
+        """
+        for status in list(self._fleet.statuses):
+            record = status.record
+            if record.water == water and record.kind != "recorded":
+                await self._open(record)
 
     def take_fix(self, event: FixTaken) -> None:
         """Take that a robot reported a fix: a dive may have ended."""
@@ -180,8 +206,19 @@ class Currents:
             config = await self._config(record)
             robots = await self._store.query(lambda session: site_robots(session, robot))
             here = self._waters.get(water)
+            name = record.water
+            told = None
+            if name is not None:
+                told = await self._store.query(lambda session: read_told(session, name))
             if here is None or here.config != config or here.robots != robots:
-                await self._make(water, robots, config)
+                here = await self._made(water, robots, config)
+                self._waters[water] = here
+            if here.told != told:
+                folder = self._foundation.settings.data_dir / TOLD_FOLDER
+                field = await told_current(folder, told, record.site)
+                known = here.known.copy()
+                await asyncio.to_thread(known.tell, field)
+                self._waters[water] = replace(here, told=told, known=known)
             self._of[robot] = water
             if robot not in self._looked:
                 said = await self._store.query(lambda s: get_setting(s, _looked_name(robot)))
@@ -197,7 +234,9 @@ class Currents:
         _, newest = max(saved, key=itemgetter(0), default=(None, found[0]))
         return newest.value_as(CurrentMapConfig)
 
-    async def _make(self, water: Water, robots: tuple[str, ...], config: CurrentMapConfig) -> None:
+    async def _made(
+        self, water: Water, robots: tuple[str, ...], config: CurrentMapConfig
+    ) -> WaterCurrent:
         def read(session: Session) -> tuple[list[KeptObservation], Mapping[str, Any] | None]:
             rows = newest_observations(session, robots, config.dives_max, _digest(water))
             return [KeptObservation.of(row) for row in rows], get_setting(session, _name(water))
@@ -207,7 +246,7 @@ class Currents:
         if said is not None and said["config"] == config.model_dump(mode="json"):
             learned = CurrentMapConfig.model_validate(said["learned"])
             until_s = float(said["until_s"])
-        self._waters[water] = await asyncio.to_thread(
+        return await asyncio.to_thread(
             WaterCurrent.of, water, robots, config, kept, learned, until_s
         )
 

@@ -44,8 +44,8 @@ def flow_grid(known: CurrentMap, site: Site, time_s: float) -> FlowGrid:
     east = np.arange(box.y_min_m + 0.5 * spacing, box.y_max_m, spacing)
     places = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).reshape(-1, 2)
     wet = site.floor_m(places[:, 0], places[:, 1]) > 0.0
-    if site.shoreline is not None:
-        wet &= site.shoreline.contains(places[:, 0], places[:, 1])
+    if site.shore is not None:
+        wet &= site.shore.contains(places[:, 0], places[:, 1])
     places = places[wet]
     depths = (np.arange(_DEPTHS) + 0.5) * box.depth_max_m / _DEPTHS
     flow = known.flow_over_depth(places, depths, time_s)

@@ -2,13 +2,13 @@
 
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
-from server.current import route
+from server.current import route, told_route
 from server.current.currents import Currents
 from server.current.event import CurrentChanged
 from server.fleet.event import FixTaken, RobotChanged
 from server.fleet.fleet import Fleet
 
-ROUTERS = (route.router,)
+ROUTERS = (route.router, told_route.router)
 
 
 def install(foundation: Foundation) -> None:

@@ -12,8 +12,8 @@ from autonomy.current.model import Observation
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.estimation.smoother import finished_dives
 from autonomy.estimation.telling_stay import telling_stay_s
-from db.query.current_observations import ReportedFix
-from db.query.smoothing import TrackColumns
+from db.query.measured.current_observations import ReportedFix
+from db.query.measured.smoothing import TrackColumns
 from robot_link.messages import RobotId, RobotMode
 
 POINTS = 31

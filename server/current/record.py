@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from autonomy.current.model import CurrentMap, Observation
-from db.query.current_observations import ObservationRecord
+from db.query.measured.current_observations import ObservationRecord
 from robot_link.messages import RobotId
 
 _Kept = TypeVar("_Kept")

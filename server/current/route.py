@@ -46,7 +46,7 @@ async def get_current(
     now_s = foundation.clock.now().timestamp()
     state = status.state
     texts = [words.dives_text(found)]
-    if state is not None and found.has_enough:
+    if state is not None and found.tells(now_s):
         place = state.position_ned
         texts.append(await asyncio.to_thread(words.place_text, found.known, robot, place, now_s))
         texts.append(await asyncio.to_thread(words.tide_text, found.known, place, now_s))
@@ -90,8 +90,8 @@ async def get_flow(
     when = at or now
     is_simulation = _is_simulation(foundation, found)
     if format is FlowFormat.CSV:
-        _refuse_without_map(found)
-    if not found.has_enough:
+        _refuse_without_map(found, when)
+    if not found.tells(when.timestamp()):
         nothing = FlowView(robot, record.site.name, when, when > now, False, 0.0, [], is_simulation)
         return encoded(nothing)
     grid = await asyncio.to_thread(flow_grid, found.known, record.site, when.timestamp())
@@ -129,10 +129,9 @@ async def get_flow_at(
     """Return the current at a place, depth and time, with its standard deviation."""
     del caller
     fleet.status(robot)
-    found = _found(currents, robot)
-    _refuse_without_map(found)
+    found, when = _found(currents, robot), at or foundation.clock.now()
+    _refuse_without_map(found, when)
     known = found.known
-    when = at or foundation.clock.now()
     point = np.array([[north_m, east_m, depth_m, when.timestamp()]])
     flow = await asyncio.to_thread(known.flow, point)
     north, east = flow.mean_ne_m_s[0].tolist()
@@ -140,8 +139,8 @@ async def get_flow_at(
     return FlowAtView((north, east), (std[0], std[1]), when)
 
 
-def _refuse_without_map(found: WaterCurrent) -> None:
-    if not found.has_enough:
+def _refuse_without_map(found: WaterCurrent, when: datetime) -> None:
+    if not found.tells(when.timestamp()):
         raise conflict(f"There is no map of the current. {words.dives_text(found)}")
 
 
@@ -173,6 +172,7 @@ def _view(
         newest_at=datetime.fromtimestamp(newest_s, UTC) if known.observations else None,
         text=text,
         worth=words.worth_text(verdicts),
+        told=words.told_words(found, now_s),
         left_out=words.left_out_text(found.left_out),
         error_m=words.rms([one.error_m for one in verdicts]),
         last_error_m=words.rms([one.last_error_m for one in verdicts]),

@@ -30,6 +30,9 @@ class CurrentStatusView(View):
     worth: str
     """How far the last surfacings were from what had been said of them; empty before there are
     three."""
+    told: str
+    """Who else tells of the current, how old that is, until when it holds and how far the dives
+    bear it out; empty where nobody does."""
     left_out: str
     """Whose dives are not counted, and why; empty where all are."""
     error_m: float | None

@@ -13,6 +13,7 @@ from server.current.record import (
     forecast_after,
     verdict_on,
 )
+from server.current.told import KeptTold
 from server.fleet.water import Water
 
 JUDGED = 10
@@ -44,6 +45,8 @@ class WaterCurrent:
     forecasts: dict[str, Forecast] = field(default_factory=dict[str, Forecast])
     """Newest of each robot."""
     verdicts: deque[Verdict] = field(default_factory=lambda: deque[Verdict](maxlen=JUDGED))
+    told: KeptTold | None = None
+    """What somebody tells of it besides; ``known`` has its field."""
     left_out: dict[str, str] = field(default_factory=dict[str, str])
     """Why a robot's newest dive was not counted."""
 
@@ -90,8 +93,17 @@ class WaterCurrent:
             and self.new >= (config.learn_first if first else config.learn_every)
         )
 
+    def tells(self, time_s: float) -> bool:
+        """Tell whether dives enough, or somebody, tell of the current at a moment."""
+        return self.has_enough or (self.config.enabled and self.known.is_told(time_s))
+
     def is_usable(self, now_s: float) -> bool:
-        """Tell whether a plan may rely on the map now."""
+        """Tell whether a plan may rely on the map now: by recent dives, or by what is told."""
+        is_told = self.config.enabled and self.known.is_told(now_s)
+        return is_told or self.is_carrier(now_s)
+
+    def is_carrier(self, now_s: float) -> bool:
+        """Tell whether dives enough, and recent ones, tell how the water moved until now."""
         age_s = now_s - self.known.newest_s
         return self.has_enough and age_s <= self.config.basin_memory_s
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.model import FEWEST, CurrentMap, Observation
+from autonomy.current.table import FlowRecord
 from server.current.flow import RADIUS_90
 from server.current.record import Verdict
+from server.current.told import told_text
 from server.current.water_current import JUDGED, WaterCurrent
 from server.fleet.current_words import cm_s, flow_text, metres
 
@@ -117,6 +119,8 @@ def _misses(dives: Sequence[Observation], current_ne_m_s: tuple[float, float]) -
 
 def _map_worth(found: WaterCurrent, now_s: float) -> str:
     """Say what the map is made of, how old that is, and how far its predictions were off."""
+    if found.config.enabled and not found.dives and found.known.is_told(now_s):
+        return told_words(found, now_s)
     if not found.config.enabled or not found.dives:
         return f"{dives_text(found)} The typed current holds."
     age_s = max(0.0, now_s - found.known.newest_s)
@@ -146,6 +150,24 @@ def _age(age_s: float) -> str:
         if age_s >= 2.0 * unit_s:
             return f"{age_s / unit_s:.0f} {unit}"
     return f"{age_s:.0f} s"
+
+
+def told_words(found: WaterCurrent, now_s: float) -> str:
+    """Say who tells of the current besides, and how far the dives bear it out; "" for nobody."""
+    if found.told is None:
+        return ""
+    text = told_text(found.told, datetime.fromtimestamp(now_s, UTC))
+    if found.known.told is None:
+        return f"{text} Its file is missing."
+    return f"{text} The dives let {100.0 * found.known.belief:.0f} % of it be believed."
+
+
+def tellers(found: WaterCurrent | None, flow: FlowRecord) -> str:
+    """Say who tells of a table of a map, with the verb: "8 dives tell"."""
+    if found is None or found.told is None or not found.known.is_told(flow.from_s):
+        return f"{flow.dives} dives tell"
+    source = found.told.source or "an operator"
+    return f"{flow.dives} dives and {source} tell" if flow.dives else f"{source} tells"
 
 
 def left_out_text(left_out: dict[str, str]) -> str:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final, TypeVar
 
+from robot_link.channel_table import ChannelPage
 from robot_link.messages import StateReport
 from robot_link.report import RobotReport
 
-Told = TypeVar("Told", bound=RobotReport)
+Told = TypeVar("Told", bound=RobotReport | ChannelPage)
 
 AHEAD_MAX: Final = timedelta(seconds=60)
 """Nothing is told before it happens: a clock that is farther ahead is wrong."""

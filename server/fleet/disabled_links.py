@@ -6,8 +6,8 @@ and enabled together.
 
 from sqlalchemy.orm import Session
 
-from db.query.events import add_event
-from db.query.settings import get_setting, put_setting
+from db.query.station.events import add_event
+from db.query.station.settings import get_setting, put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.station.path import RadioPath

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from robot_link.messages import RobotId
 
 

@@ -1,13 +1,15 @@
 """The fleet as it is now: what robots said last, and how old that is."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
 from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.config import Vehicle
-from db.query.robots import RobotRecord
-from db.query.telemetry import TrackPoint
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.measured.telemetry import TrackPoint
+from robot_link.channel_table import Announcement
 from robot_link.clock import Clock
 from robot_link.messages import (
     LinkReport,
@@ -17,12 +19,21 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.report import ActuatorReport, CurrentReport, RobotReport, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Reading,
+    RobotReport,
+    TargetReport,
+    VehicleReport,
+    VehicleWord,
+)
 from server.base.event_bus import EventBus
 from server.base.problem import not_found
 from server.fleet.clock_fault import ClockFault
 from server.fleet.event import FixTaken, RobotReported, TrackGrew
 from server.fleet.status import (
+    DeploymentSuggestion,
     PlanInHand,
     RobotStatus,
     SatelliteStatus,
@@ -48,6 +59,7 @@ class Memory:
     state: StateReport | None
     plan_report: PlanReport | None
     samples: Sequence[Sample]
+    readings: Sequence[Reading]
     track: Sequence[TrackPoint]
     target_report: TargetReport | None
     current_report: CurrentReport | None = None
@@ -95,12 +107,45 @@ class Fleet:
         status.current_report = memory.current_report
         status.actuator_report = memory.actuator_report
         status.samples = {sample.variable: sample for sample in memory.samples}
+        status.readings = {reading.channel: reading for reading in memory.readings}
         if state is not None:
             water = status.record.site
             status.remembered = remembered_link(state, radio_under_water=water.radio_under_water)
-        status.track.replace(
-            (point.position_ned, point.position_std_m, point.mode) for point in memory.track
+        self.draw_track(robot, memory.track)
+
+    def set_deployment(
+        self, robot: str, deployment: DeploymentRecord | None, ashore_since: datetime
+    ) -> bool:
+        """Say which deployment a robot is in; tell whether that is another stretch of time.
+
+        Args:
+            robot: Which robot.
+            deployment: ``None`` for one in the workshop.
+            ashore_since: End of its last deployment, or when it was added.
+        """
+        status = self._statuses[robot]
+        before = status.deployment and (status.deployment.id, status.deployment.started_at)
+        now = deployment and (deployment.id, deployment.started_at)
+        is_other = before != now or status.ashore_since != ashore_since
+        status.deployment, status.ashore_since = deployment, ashore_since
+        if is_other:
+            status.suggestion = None
+            self.touch(robot)
+        return is_other
+
+    def set_suggestion(self, robot: str, suggestion: DeploymentSuggestion | None) -> None:
+        """Say what a person is asked to confirm of a robot's deployment."""
+        status = self._statuses[robot]
+        if status.suggestion != suggestion:
+            status.suggestion = suggestion
+            self.touch(robot)
+
+    def draw_track(self, robot: str, points: Iterable[TrackPoint]) -> None:
+        """Draw the track of a robot anew."""
+        self._statuses[robot].track.replace(
+            (point.position_ned, point.position_std_m, point.mode) for point in points
         )
+        self._bus.publish(TrackGrew(robot))
 
     def set_disabled_links(self, ports: frozenset[str]) -> None:
         """Say which ports the operator has disabled, of robots there are and others."""
@@ -132,12 +177,35 @@ class Fleet:
             status.surface_fault = fault
             self.touch(robot)
 
+    def set_announced(self, robot: str, announced: Announcement, faults: Mapping[int, str]) -> None:
+        """Say which channels a robot announced last, and what of that contradicts the catalogue.
+
+        Args:
+            robot: Which robot.
+            announced: Its table.
+            faults: A sentence for each number that the catalogue has otherwise.
+        """
+        status = self._statuses[robot]
+        status.announced, status.channel_faults = announced, dict(faults)
+        self.touch(robot)
+
     def count_refused(self, robot: str) -> None:
         """Count a value that was not believed."""
         self._statuses[robot].refused += 1
 
+    def set_derived(self, robot: str, values: dict[str, Sample]) -> None:
+        """Say what follows of the newest measurements of a robot."""
+        self._statuses[robot].derived = values
+        self.touch(robot)
+
+    def count_impossible(self, robot: str, channel: str) -> None:
+        """Count a value outside of what its channel believes; it is kept and not used."""
+        counts = self._statuses[robot].impossible
+        counts[channel] = counts.get(channel, 0) + 1
+        self.touch(robot)
+
     def status(self, robot: str) -> RobotStatus:
-        """Return what is known of a robot.
+        """Return what is known of a robot, also of a retired one.
 
         Raises:
             Problem: 404 if there is no such robot.
@@ -152,13 +220,19 @@ class Fleet:
         return self._vehicles.find(self.status(robot).record.model)
 
     def knows(self, robot: str | None) -> bool:
-        """Tell whether a robot belongs to the fleet."""
-        return robot in self._statuses
+        """Tell whether a robot belongs to the fleet, and is not retired."""
+        status = self._statuses.get(robot or "")
+        return status is not None and not status.is_retired
 
     @property
     def statuses(self) -> Iterable[RobotStatus]:
-        """Every robot, in the order in which they were added."""
-        return self._statuses.values()
+        """Every robot that is not retired, in the order in which they were added."""
+        return [status for status in self._statuses.values() if not status.is_retired]
+
+    @property
+    def retired(self) -> Iterable[RobotStatus]:
+        """Every retired robot, in the order in which they were added."""
+        return [status for status in self._statuses.values() if status.is_retired]
 
     def take_state(self, report: StateReport) -> None:
         """Take a state report; one that is older than the newest changes no gauge."""
@@ -170,7 +244,7 @@ class Fleet:
             if status.track.add(report.position_ned, report.position_std_m, report.mode):
                 self._bus.publish(TrackGrew(report.robot))
             self.touch(report.robot)
-            if report.has_fix:
+            if report.has_fix and not status.record.is_foreign:
                 self._bus.publish(FixTaken(report.robot, report.measured_at))
 
     def take_sample(self, sample: Sample) -> None:
@@ -181,6 +255,14 @@ class Fleet:
             newest[sample.variable] = sample
             self.touch(sample.robot)
 
+    def take_reading(self, reading: Reading) -> None:
+        """Take a reading as the newest value of its channel, if it is."""
+        newest = self._statuses[reading.robot].readings
+        known = newest.get(reading.channel)
+        if known is None or reading.measured_at >= known.measured_at:
+            newest[reading.channel] = reading
+            self.touch(reading.robot)
+
     def take_plan_report(self, report: PlanReport) -> None:
         """Take what a robot says of the plan on board."""
         status = self._statuses[report.robot]
@@ -188,6 +270,16 @@ class Fleet:
         if report.state is OnboardPlanState.RUNNING and status.flies_no_target:
             status.target_report = None
         self.touch(report.robot)
+
+    def take_vehicle(self, report: VehicleReport) -> None:
+        """Take what a vehicle of another maker says of itself."""
+        self._statuses[report.robot].vehicle_report = report
+        self.touch(report.robot)
+
+    def take_word(self, word: VehicleWord) -> None:
+        """Take a grave sentence of such a vehicle."""
+        self._statuses[word.robot].vehicle_word = word
+        self.touch(word.robot)
 
     def take_target(self, report: TargetReport) -> None:
         """Take a report on a target; one that is older than the newest changes nothing."""
@@ -240,8 +332,11 @@ class Fleet:
 
     def is_old(self, status: RobotStatus) -> bool:
         """Tell whether the newest state of a robot must look old."""
-        state = status.state
-        return state is None or self.age_s(state.measured_at) > self.limit_s(_POSITION_LIMIT_S)
+        return status.state is None or self.is_past(status.state.measured_at)
+
+    def is_past(self, moment: datetime) -> bool:
+        """Tell whether what was told then must look old."""
+        return self.age_s(moment) > self.limit_s(_POSITION_LIMIT_S)
 
     def target_shown(self, status: RobotStatus) -> TargetReport | None:
         """Return a robot's newest report on its target, ``None`` once that concerns nobody."""

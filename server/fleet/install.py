@@ -9,6 +9,7 @@ from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster
 from server.vehicle.vehicles import Vehicles
+from server.water.event import WaterChanged
 
 ROUTERS = (route.router, signing_route.router)
 
@@ -18,7 +19,9 @@ def install(foundation: Foundation) -> None:
     bus, feed, services = foundation.bus, foundation.feed, foundation.services
     vehicles = services.get(Vehicles)
     fleet = services.add(Fleet(foundation.clock, bus, vehicles))
-    views = services.add(FleetViews(fleet, vehicles, foundation.alarms.worst_level))
+    views = services.add(
+        FleetViews(fleet, vehicles, foundation.channels, foundation.alarms.worst_level)
+    )
     roster = services.add(Roster(foundation, fleet))
     disabled_links = services.add(DisabledLinks(foundation.store, foundation.clock, bus))
 
@@ -42,4 +45,5 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(LinkSwitched, lambda _: fleet.set_disabled_links(disabled_links.disabled))
     bus.subscribe(EventLogged, roster.event_logged)
     bus.subscribe(SettingsChanged, roster.settings_changed)
+    bus.subscribe(WaterChanged, roster.water_changed)
     foundation.lifetime.on_load(load)

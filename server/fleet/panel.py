@@ -4,14 +4,17 @@ import math
 from collections.abc import Callable
 from datetime import datetime
 
-from autonomy.field.variable import VARIABLES
+from autonomy.channel import key_at_station
 from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
 from autonomy.site import Site
 from autonomy.tracking.phase import TargetPhase
 from db.record import same
 from robot_link.messages import STATE, LinkState
+from robot_link.report import VehicleReport
+from server.base.channels import Channels
 from server.fleet.actuator_words import actuators_view
+from server.fleet.capability import capabilities
 from server.fleet.current_words import current_view
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
@@ -23,14 +26,24 @@ from server.fleet.view import (
     ChannelView,
     ContactView,
     CurrentView,
+    DeploymentBriefView,
+    ForeignVehicleView,
     LinkView,
     LiveRobotView,
     OnboardPlanView,
     PositionView,
     RobotView,
     StateView,
+    SuggestionView,
 )
-from server.fleet.words import activity, clock_time, onboard_plan_state, surface_forecast
+from server.fleet.words import (
+    IN_WORKSHOP,
+    activity,
+    clock_time,
+    onboard_plan_state,
+    surface_forecast,
+    vehicle_activity,
+)
 from server.vehicle.vehicles import Vehicles
 
 _FIELD_LIMIT_S = 120.0
@@ -42,9 +55,14 @@ class FleetViews:
     """Makes views of the fleet; it changes nothing. Belongs to one event loop."""
 
     def __init__(
-        self, fleet: Fleet, vehicles: Vehicles, alarm_level: Callable[[str], str | None]
+        self,
+        fleet: Fleet,
+        vehicles: Vehicles,
+        channels: Channels,
+        alarm_level: Callable[[str], str | None],
     ) -> None:
         self._fleet = fleet
+        self._catalogue = channels
         self._vehicles = vehicles
         self._alarm_level = alarm_level
         self._places: dict[str, tuple[Site, PositionNed, tuple[float, float]]] = {}
@@ -58,10 +76,14 @@ class FleetViews:
         return same(
             RobotView,
             record,
+            deployment=_brief(status),
+            suggestion=_suggestion(status),
+            is_in_workshop=status.is_in_workshop,
             model=record.model if vehicle is None else vehicle.title,
             model_key=record.model,
             model_note="" if vehicle is None else vehicle.note,
             model_origin=self._vehicles.origin(record.model),
+            capabilities=capabilities(status),
             link=self._link_view(status),
             mode=None if status.state is None else status.state.mode.name.lower(),
             activity=self._activity(status),
@@ -87,6 +109,7 @@ class FleetViews:
             clock_fault=None if status.clock_fault is None else status.clock_fault.text,
             current=self._current(status),
             actuators=self._actuators(status),
+            vehicle=self._vehicle(status),
             tracking=self._tracking(status),
         )
 
@@ -97,6 +120,7 @@ class FleetViews:
         return same(
             LiveRobotView,
             state,
+            suggestion=_suggestion(status),
             mission_id=status.mission_id,
             plan_id=None if status.plan is None else status.plan.plan_id,
             next_contact=self._next_contact(status),
@@ -107,6 +131,13 @@ class FleetViews:
     def _activity(self, status: RobotStatus) -> str:
         if status.record.kind == "recorded":
             return "Recording"
+        if status.is_retired:
+            return "Retired"
+        if status.record.is_foreign:
+            report = status.vehicle_report
+            is_old = report is None or self._fleet.is_past(report.measured_at)
+            told = vehicle_activity(report, is_old=is_old)
+            return f"{IN_WORKSHOP}; {told[0].lower()}{told[1:]}" if status.is_in_workshop else told
         plan = status.plan
         flying = plan is not None and plan.state == "running"
         track = self._fleet.target_shown(status)
@@ -114,6 +145,7 @@ class FleetViews:
             status.state,
             plan.round_text if plan and flying else "",
             self._fleet.is_old(status),
+            is_in_workshop=status.is_in_workshop,
             is_teaching=track is not None
             and not track.is_barrier_on
             and track.phase is not TargetPhase.ENDED,
@@ -158,12 +190,51 @@ class FleetViews:
             age_s=None if link.heard_at is None else self._fleet.age_s(link.heard_at),
         )
 
+    def _vehicle(self, status: RobotStatus) -> ForeignVehicleView | None:
+        report, word = status.vehicle_report, status.vehicle_word
+        if report is None or not status.record.is_foreign:
+            return None
+        return same(
+            ForeignVehicleView,
+            report,
+            mode_name=report.mode,
+            text=vehicle_activity(report, is_old=False),
+            unhealthy=list(report.unhealthy),
+            word="" if word is None else word.text,
+            word_age_s=None if word is None else self._fleet.age_s(word.at),
+            age_s=self._fleet.age_s(report.measured_at),
+        )
+
+    def _told(self, report: VehicleReport) -> dict[str, ChannelView]:
+        """Return what a vehicle of another maker told and can be true, each with its own age."""
+        channels: dict[str, ChannelView] = {}
+        known = self._catalogue.catalogue
+        for name, told in report.values.items():
+            gauge = STATE.gauges.get(name)
+            key = name if gauge is not None else key_at_station(name, known)
+            if key is None or (gauge is None and known[key].fault(told.value) is not None):
+                continue
+            channels[key] = ChannelView(
+                value=told.value,
+                unit=known[key].unit if gauge is None else STATE[key].unit,
+                display_unit=None if gauge is None else STATE[key].display_unit,
+                measured_at=told.at,
+                received_at=told.at,
+                age_s=self._fleet.age_s(told.at),
+                limit_s=self._fleet.limit_s(_FIELD_LIMIT_S if gauge is None else gauge.limit_s),
+            )
+        return channels
+
     def _channels(self, status: RobotStatus) -> dict[str, ChannelView]:
         channels: dict[str, ChannelView] = {}
+        if status.record.is_foreign and status.vehicle_report is not None:
+            return self._told(status.vehicle_report)
         if status.state is not None:
             age_s = self._fleet.age_s(status.state.measured_at)
             values = STATE.shown(status.state)
             for key, gauge in STATE.gauges.items():
+                if not math.isfinite(values[key]):
+                    continue
                 channels[key] = ChannelView(
                     value=values[key],
                     unit=STATE[key].unit,
@@ -173,15 +244,21 @@ class FleetViews:
                     age_s=age_s,
                     limit_s=self._fleet.limit_s(gauge.limit_s),
                 )
-        for key, sample in status.samples.items():
+        known = self._catalogue.catalogue
+        measured = {**status.samples, **status.readings}
+        for key, sample in {**status.derived, **measured}.items():
+            if key not in known:
+                continue
             channels[key] = ChannelView(
                 value=sample.value,
-                unit=VARIABLES[key].unit,
+                unit=known[key].unit,
                 display_unit=None,
                 measured_at=sample.measured_at,
                 received_at=sample.received_at,
                 age_s=self._fleet.age_s(sample.measured_at),
                 limit_s=self._fleet.limit_s(_FIELD_LIMIT_S),
+                is_derived=key not in measured,
+                impossible=status.impossible.get(key, 0),
             )
         return channels
 
@@ -192,7 +269,7 @@ class FleetViews:
         latitude_deg, longitude_deg = self._geodetic(status, state.position_ned)
         return PositionView(
             ned_m=state.position_ned,
-            std_m=state.position_std_m,
+            std_m=state.position_std_m if math.isfinite(state.position_std_m) else None,
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             has_fix=state.has_fix,
@@ -253,6 +330,17 @@ class FleetViews:
             state=onboard_plan_state(report.state),
             age_s=self._fleet.age_s(report.measured_at),
         )
+
+
+def _brief(status: RobotStatus) -> DeploymentBriefView | None:
+    deployment = status.deployment
+    if deployment is None:
+        return None
+    return DeploymentBriefView(deployment.id, deployment.title, deployment.begun_at)
+
+
+def _suggestion(status: RobotStatus) -> SuggestionView | None:
+    return None if status.suggestion is None else same(SuggestionView, status.suggestion)
 
 
 def _speaks_by_satellite(status: RobotStatus) -> bool:

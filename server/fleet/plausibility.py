@@ -11,13 +11,20 @@ from autonomy.site import Site
 from robot_link.actuator_check import actuator_fault
 from robot_link.current_check import current_fault
 from robot_link.messages import STATE, Sample, StateReport
-from robot_link.report import ActuatorReport, CurrentReport, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Detection,
+    Reading,
+    ReceiverReport,
+    TargetReport,
+)
+from robot_link.tag.check import detection_fault, receiver_fault
 from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 
 _EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
 _SURFACE_NOISE_M = 0.5
-_LARGEST_VALUE = 1e6
 
 
 def fault_of_state(report: StateReport, site: Site, now: datetime, speed: float) -> str | None:
@@ -33,15 +40,36 @@ def fault_of_state(report: StateReport, site: Site, now: datetime, speed: float)
     )
 
 
+def fault_of_gappy_state(report: StateReport, site: Site) -> str | None:
+    """Return why a state of a vehicle of another maker cannot be true, or ``None``.
+
+    It is dated by its arrival, and NaN stands for what the vehicle does not tell.
+    """
+    for channel, number in zip(STATE.channels, STATE.numbers(report), strict=True):
+        if not math.isnan(number) and (fault := channel.fault(number)):
+            return fault
+    place = tuple(0.0 if math.isnan(one) else one for one in report.position_ned)
+    std_m = report.position_std_m if math.isfinite(report.position_std_m) else 0.0
+    return _fault_of_position(place, std_m, site)
+
+
 def fault_of_sample(sample: Sample, site: Site, now: datetime, speed: float) -> str | None:
-    """Return why a sample cannot be true, or ``None``."""
+    """Return why a sample cannot be true whatever its value, or ``None``.
+
+    What its channel believes of the value, ``Channel.fault`` says: that is kept, not used.
+    """
     if not all(map(math.isfinite, (*sample.position_ned, sample.position_std_m, sample.value))):
         return "a value that is not a number"
-    if abs(sample.value) > _LARGEST_VALUE:
-        return f"a {sample.variable} of {sample.value:.3g}"
     return _fault_of_time(sample.measured_at, now, speed) or _fault_of_position(
         sample.position_ned, sample.position_std_m, site
     )
+
+
+def fault_of_reading(reading: Reading, now: datetime, speed: float) -> str | None:
+    """Return why a reading cannot be true whatever its channel believes of the value."""
+    if not math.isfinite(reading.value):
+        return "a value that is not a number"
+    return _fault_of_time(reading.measured_at, now, speed)
 
 
 def fault_of_target(report: TargetReport, site: Site, now: datetime, speed: float) -> str | None:
@@ -64,6 +92,20 @@ def fault_of_current(report: CurrentReport, now: datetime, speed: float) -> str 
 def fault_of_actuators(report: ActuatorReport, now: datetime, speed: float) -> str | None:
     """Return why a report on actuators cannot be true, or ``None``."""
     return actuator_fault(report) or _fault_of_time(report.measured_at, now, speed)
+
+
+def fault_of_detection(detection: Detection, site: Site, now: datetime, speed: float) -> str | None:
+    """Return why a heard tag cannot be true, or ``None``."""
+    if fault := detection_fault(detection):
+        return fault
+    return _fault_of_time(detection.measured_at, now, speed) or _fault_of_position(
+        detection.position_ned, detection.position_std_m, site
+    )
+
+
+def fault_of_receiver(report: ReceiverReport, now: datetime, speed: float) -> str | None:
+    """Return why a report on a tag receiver cannot be true, or ``None``."""
+    return receiver_fault(report) or _fault_of_time(report.measured_at, now, speed)
 
 
 def _fault_of_time(measured_at: datetime, now: datetime, speed: float) -> str | None:

@@ -1,28 +1,32 @@
 """Takes up robots as the database knows them: at the start, and when somebody changed one."""
 
 import logging
+from datetime import datetime
 
 from sqlalchemy.orm import Session
 
+from autonomy.channel import ChannelCatalogue
 from autonomy.planner.config import PlannerConfig
 from db.fault import StoreError
-from db.query.actuator_reports import newest_actuator_report
-from db.query.current_reports import newest_current_report
-from db.query.robots import RobotRecord, get_robot, list_robots
-from db.query.samples import newest_samples
-from db.query.target_reports import newest_target_report
-from db.query.telemetry import newest_plan_report, newest_state
-from db.query.telemetry import track as stored_track
+from db.query.fleet.deployments import DeploymentRecord, deployment_in_water, newest_span
+from db.query.fleet.robots import RobotRecord, get_robot, list_robots
+from db.query.measured.actuator_reports import newest_actuator_report
+from db.query.measured.current_reports import newest_current_report
+from db.query.measured.samples import newest_readings, newest_samples
+from db.query.measured.telemetry import TrackPoint, newest_plan_report, newest_state
+from db.query.measured.telemetry import track as stored_track
+from db.query.mission.target_reports import newest_target_report
 from server.base.event_bus import EventLogged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.event import RobotChanged
 from server.fleet.fleet import Fleet, Memory
+from server.water.event import WaterChanged
 
 log = logging.getLogger(__name__)
 
 _TRACK_POINTS = 5000
-_OF_A_ROBOT = ("deployment.imported", "deployment.mapped", "robot.added", "robot.changed")
-"""Events after which the database says something else of a robot."""
+_OF_A_ROBOT = ("deployment.", "robot.")
+"""Beginnings of the kinds of events after which the database says something else of a robot."""
 _SETTINGS = ("planner", "field")
 
 
@@ -52,7 +56,7 @@ class Roster:
     def event_logged(self, logged: EventLogged) -> None:
         """Follow what others did to the fleet, such as the command line."""
         event = logged.event
-        if event.kind in _OF_A_ROBOT and event.robot is not None:
+        if event.kind.startswith(_OF_A_ROBOT) and event.robot is not None:
             self._follow(event.robot)
 
     def settings_changed(self, changed: SettingsChanged) -> None:
@@ -61,6 +65,11 @@ class Roster:
             everyone = [status.record.id for status in self._fleet.statuses]
             for robot in everyone if changed.robot is None else [changed.robot]:
                 self._follow(robot)
+
+    def water_changed(self, changed: WaterChanged) -> None:
+        """Give robots the water that they work in as it is now."""
+        for robot in changed.robots:
+            self._follow(robot)
 
     def _follow(self, robot: str) -> None:
         self._foundation.background.start(f"refresh {robot}", self._follow_change(robot))
@@ -74,17 +83,53 @@ class Roster:
     async def _take_up(self, robot: RobotRecord) -> None:
         found = await self._foundation.configurations.current("planner", robot.id)
         status = self._fleet.add(robot, found.value_as(PlannerConfig).fidelity_thresholds_m)
+        deployment, since = await self._foundation.store.query(
+            lambda session: _deployment(session, robot)
+        )
+        is_other = self._fleet.set_deployment(robot.id, deployment, since)
         if status.state is None:
-            memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
+            memory = await self._foundation.store.query(
+                lambda session: _memory(
+                    session, robot.id, since, self._foundation.channels.catalogue
+                )
+            )
             self._fleet.remember(robot.id, memory)
+        elif is_other:
+            points = await self._foundation.store.query(
+                lambda session: _track(session, robot.id, since)
+            )
+            self._fleet.draw_track(robot.id, points)
 
 
-def _memory(session: Session, robot: str) -> Memory:
+def _deployment(session: Session, robot: RobotRecord) -> tuple[DeploymentRecord | None, datetime]:
+    """Return which deployment a robot is in, and since when it is in it or in the workshop."""
+    deployment = deployment_in_water(session, robot.id)
+    if deployment is not None:
+        return deployment, deployment.begun_at
+    span = newest_span(session, robot.id)
+    return None, robot.created_at if span is None else span.ended_at or span.started_at
+
+
+def _track(session: Session, robot: str, since: datetime | None) -> list[TrackPoint]:
+    return stored_track(session, robot, since, max_points=_TRACK_POINTS).points
+
+
+def _memory(session: Session, robot: str, since: datetime, channels: ChannelCatalogue) -> Memory:
     return Memory(
         state=newest_state(session, robot),
         plan_report=newest_plan_report(session, robot),
-        samples=newest_samples(session, robot),
-        track=stored_track(session, robot, max_points=_TRACK_POINTS).points,
+        samples=[
+            sample
+            for sample in newest_samples(session, robot)
+            if sample.variable in channels and channels[sample.variable].fault(sample.value) is None
+        ],
+        readings=[
+            reading
+            for reading in newest_readings(session, robot)
+            if reading.channel in channels
+            and channels[reading.channel].fault(reading.value) is None
+        ],
+        track=_track(session, robot, since),
         target_report=newest_target_report(session, robot),
         current_report=newest_current_report(session, robot),
         actuator_report=newest_actuator_report(session, robot),

@@ -1,50 +1,62 @@
 """The fleet: who there is, how each robot is now, and what it said before."""
 
+import math
 from collections.abc import Awaitable
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal, TypeVar
+from dataclasses import replace
+from typing import Annotated, Literal, TypeVar, cast
 
-from fastapi import APIRouter, Depends, Query, Request, Response
-from pydantic import AwareDatetime, Field, TypeAdapter
+from fastapi import APIRouter, Depends, Query, Response
+from pydantic import AwareDatetime, Field
 from sqlalchemy.orm import Session
 
+from autonomy.channel import ChannelCatalogue
 from autonomy.field.fidelity import fidelity_level
-from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
+from autonomy.seawater import DERIVED, can_derive
 from autonomy.site import Site
-from db.query.events import add_event
-from db.query.robots import (
+from db.fault import UnknownIdError
+from db.query.fleet.channels import told_counts
+from db.query.fleet.robots import (
     RobotExistsError,
-    RobotRecord,
-    add_robot,
+    RobotStateError,
     change_robot,
 )
-from db.query.sample_places import SamplePlaces, sample_places
-from db.query.telemetry import history, track
-from db.record import same
-from robot_link.messages import STATE, RobotId, SystemId
+from db.query.measured.derived import derivable, derived_places
+from db.query.measured.sample_places import SamplePlaces, sample_places
+from db.query.measured.samples import sampled_variables
+from db.query.measured.telemetry import history, track
+from db.query.station.events import add_event
+from robot_link.messages import STATE
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, Viewer
-from server.access.idempotency import IdempotentRoute, keep_answer
-from server.base.dependency import FoundationDep, StoreDep, service
+from server.access.idempotency import IdempotentRoute
+from server.base.dependency import DeploymentDep, FoundationDep, cut_to, service
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.base.text import Title
 from server.base.view import Body, encoded
-from server.fleet.dependency import FleetDep
-from server.fleet.event import SigningChanged
+from server.fleet.dependency import FleetDep, refuse_recording
 from server.fleet.panel import FleetViews
-from server.fleet.recorded import refuse_recording
 from server.fleet.roster import Roster
-from server.fleet.signing_route import SigningKeyView, shown_key
+from server.fleet.status import RobotStatus
 from server.fleet.trail import DRIFT_MODES
-from server.fleet.view import RobotView, SamplesView, StateView, TrackView
+from server.fleet.view import (
+    AnnouncedView,
+    RobotView,
+    SamplesView,
+    StateView,
+    ToldChannelView,
+    TrackView,
+)
 from server.vehicle.vehicles import Vehicles
+from server.water.waters import Waters
 
 router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
 
 FleetViewsDep = Annotated[FleetViews, Depends(service(FleetViews))]
 RosterDep = Annotated[Roster, Depends(service(Roster))]
 VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
+
+WatersDep = Annotated[Waters, Depends(service(Waters))]
 
 T = TypeVar("T")
 MaxPoints = Annotated[
@@ -54,93 +66,32 @@ Start = Annotated[AwareDatetime | None, Query(description="First moment; RFC 333
 End = Annotated[AwareDatetime | None, Query(description="Last moment; RFC 3339.")]
 
 
-class NewRobot(Body):
-    """A robot that the station should know."""
-
-    id: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")
-    """Short name: lower-case letters, digits and dashes."""
-    name: Title
-    """What operators call it."""
-    model: str
-    """Key of a vehicle of the catalogue, such as ``miniglider``; see `GET /api/vehicles`."""
-    system_id: int = Field(ge=1, le=249)
-    """Its MAVLink system id."""
-    links: list[str] = Field(min_length=1, max_length=8)
-    """URIs of its links, the best first, such as ``xbee:///dev/ttyUSB0?baud=115200`` or
-    ``rockblock://300234010753370``."""
-    site: Site
-    """The water that it works in."""
-    kind: Literal["real", "simulated"] = "real"
-    """Whether it exists in a simulator only."""
-    signing: bool = True
-    """Whether frames of its radio are signed with a key that is made now; ``false`` for a robot
-    that cannot sign, as whom anybody with such a radio can then pose."""
-
-
-@dataclass(frozen=True, slots=True)
-class NewRobotView(RobotView):
-    """A robot that was added, with the key that its radio is to sign with."""
-
-    signing_key: SigningKeyView | None
-    """Shown here and never again; ``null`` where signing is off, and of a repeated request."""
-
-
 class RobotChanges(Body):
     """What is to be changed of a robot."""
 
     name: Title | None = None
+    protocol: Literal["grace", "mavlink"] | None = None
     model: str | None = None
     """Key of a vehicle of the catalogue: what holds for the robot from now on."""
     system_id: int | None = Field(default=None, ge=1, le=249)
     links: list[str] | None = Field(default=None, min_length=1, max_length=8)
+    water: str | None = None
+    """Id of the water that it works in from now on."""
     site: Site | None = None
+    """A water of its own, in place of one that has an id."""
 
 
 @router.get("")
-async def list_robots(caller: Viewer, fleet: FleetDep, views: FleetViewsDep) -> list[RobotView]:
+async def list_robots(
+    caller: Viewer,
+    fleet: FleetDep,
+    views: FleetViewsDep,
+    retired: Annotated[bool, Query(description="Those that are retired, instead.")] = False,
+) -> list[RobotView]:
     """Return every robot with what it is doing, when it is heard next, and its worst alarm."""
     del caller
-    return [views.robot_view(status.record.id) for status in fleet.statuses]
-
-
-@router.post("", status_code=201)
-async def create_robot(
-    caller: Admin,
-    robot: NewRobot,
-    request: Request,
-    views: FleetViewsDep,
-    roster: RosterDep,
-    vehicles: VehiclesDep,
-    foundation: FoundationDep,
-) -> NewRobotView:
-    """Add a robot; the station listens for it at once, and shows its signing key this once."""
-    vehicles.check_model(robot.model)
-    _check_links(robot.links)
-    at = foundation.clock.now()
-    secrets = foundation.secrets
-    record = same(
-        RobotRecord,
-        robot,
-        id=RobotId(robot.id),
-        system_id=SystemId(robot.system_id),
-        links=tuple(robot.links),
-        created_at=at,
-    )
-
-    def write(session: Session) -> bytes | None:
-        add_robot(session, record)
-        add_event(session, at, "robot.added", f"{caller.name} added {robot.id}.", robot=robot.id)
-        if robot.signing:
-            return secrets.new_signing_key(robot.id)
-        secrets.turn_signing_off(robot.id)
-        return None
-
-    key = await _keep(secrets.decide_with(foundation.store, robot.id, write))
-    foundation.bus.publish(SigningChanged(record.id))
-    await roster.refresh(robot.id)
-    added = same(NewRobotView, views.robot_view(robot.id), signing_key=None)
-    keep_answer(request, TypeAdapter(NewRobotView).dump_json(added))
-    return added if key is None else replace(added, signing_key=shown_key(robot.id, key))
+    statuses = fleet.retired if retired else fleet.statuses
+    return [views.robot_view(status.record.id) for status in statuses]
 
 
 @router.get("/{robot}")
@@ -159,17 +110,25 @@ async def patch_robot(
     views: FleetViewsDep,
     roster: RosterDep,
     vehicles: VehiclesDep,
+    waters: WatersDep,
     foundation: FoundationDep,
 ) -> RobotView:
-    """Change a robot's name, model, links or site."""
+    """Change a robot's name, model, protocol, links or water."""
     status = fleet.status(robot)
-    if changes.system_id is not None or changes.links is not None:
+    if any(one is not None for one in (changes.system_id, changes.links, changes.protocol)):
         refuse_recording(status, "has no radio")
     given = changes.model_dump(exclude_unset=True, exclude_none=True)
-    if changes.model is not None:
-        vehicles.check_model(changes.model)
+    if changes.model is not None or changes.protocol is not None:
+        model = status.record.model if changes.model is None else changes.model
+        if status.record.system_id is None:
+            vehicles.check_model(model)
+        else:
+            check_model(model, changes.protocol or status.record.protocol, vehicles)
     if changes.links is not None:
-        _check_links(changes.links)
+        check_links(changes.links)
+    if changes.water is not None:
+        refuse_recording(status, "has a water of its own")
+        await site_of(changes.water, changes.site, waters)
     at = foundation.clock.now()
 
     def write(session: Session) -> None:
@@ -177,7 +136,7 @@ async def patch_robot(
         text = f"{caller.name} changed {robot}."
         add_event(session, at, "robot.changed", text, robot=robot, data={"fields": list(given)})
 
-    await _keep(foundation.store.write(write))
+    await keep(foundation.store.write(write))
     await roster.refresh(robot)
     return views.robot_view(robot)
 
@@ -196,8 +155,9 @@ async def get_samples(
     channel: Annotated[
         str, Query(description="Key of a channel of the state, or of a field variable.")
     ],
-    store: StoreDep,
+    foundation: FoundationDep,
     fleet: FleetDep,
+    deployment: DeploymentDep,
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
@@ -208,12 +168,19 @@ async def get_samples(
     """Return the history of one channel, thinned so that every extreme stays."""
     del caller
     thresholds_m = fleet.status(robot).track.thresholds_m
-    unit = _unit(channel)
-    if positions and channel in VARIABLES:
+    start, end = cut_to(deployment, robot, start, end)
+    store, known = foundation.store, foundation.channels.catalogue
+    unit = _unit(channel, known)
+    is_derived = channel in DERIVED and await store.query(
+        lambda session: derivable(session, robot, channel)
+    )
+    if is_derived or (positions and channel in known):
+        read = derived_places if is_derived else sample_places
         placed = await store.query(
-            lambda session: sample_places(session, robot, channel, start, end, max_points)
+            lambda session: read(session, robot, channel, start, end, max_points)
         )
-        return encoded(_placed(robot, channel, placed, thresholds_m))
+        view = _placed(robot, channel, unit, placed, thresholds_m)
+        return encoded(replace(view, is_derived=is_derived))
     found = await store.query(
         lambda session: history(session, robot, channel, start, end, max_points)
     )
@@ -222,19 +189,94 @@ async def get_samples(
     )
 
 
+@router.get("/{robot}/channels")
+async def list_told_channels(
+    caller: Viewer, robot: str, foundation: FoundationDep, fleet: FleetDep
+) -> list[ToldChannelView]:
+    """Return the channels that a robot has told or announced, and those that follow of them.
+
+    What was announced and not told has 0 samples; what was told and not announced, or by a robot
+    that announces nothing, is understood by the catalogue alone.
+    """
+    del caller
+    status, known = fleet.status(robot), foundation.channels.catalogue
+    counts = await foundation.store.query(lambda session: told_counts(session, robot))
+    placed = await foundation.store.query(lambda session: sampled_variables(session, robot))
+    gauges = {key: gauge for key, gauge in STATE.gauges.items() if _tells(status, key)}
+    told = [
+        ToldChannelView(key, gauge.title, STATE[key].unit, None, is_derived=False, can_map=False)
+        for key, gauge in gauges.items()
+    ]
+    for key, channel in known.items():
+        is_derived = can_derive(key, set(placed))
+        announced = _announced(status, channel.wire_number)
+        if key in counts or is_derived or announced:
+            told.append(
+                ToldChannelView(
+                    key,
+                    channel.title,
+                    channel.unit,
+                    counts.get(key, 0 if announced else None),
+                    is_derived,
+                    channel.can_map,
+                    announced,
+                    status.channel_faults.get(channel.wire_number, ""),
+                )
+            )
+    return told + _unknown(status, known)
+
+
+def _announced(status: RobotStatus, number: int) -> AnnouncedView | None:
+    """Return what a robot announced under a number of the wire."""
+    announced = status.announced
+    row = None if announced is None else announced.table.row(number)
+    if announced is None or row is None:
+        return None
+    return AnnouncedView(
+        number=row.number,
+        key=row.key,
+        unit=row.unit,
+        period_s=row.period_s or None,
+        version=announced.version,
+        since_at=announced.since_at,
+        heard_at=announced.heard_at,
+    )
+
+
+def _unknown(status: RobotStatus, known: ChannelCatalogue) -> list[ToldChannelView]:
+    """Return what a robot announced and the catalogue does not have."""
+    rows = () if status.announced is None else status.announced.table.rows
+    return [
+        ToldChannelView(
+            key=f"#{row.number}",
+            title=row.key,
+            unit=row.unit,
+            samples=0,
+            is_derived=False,
+            can_map=False,
+            announced=_announced(status, row.number),
+            problem=status.channel_faults.get(row.number, ""),
+        )
+        for row in rows
+        if known.numbered(row.number) is None
+    ]
+
+
 @router.get("/{robot}/track", response_model=TrackView)
 async def get_track(
     caller: Viewer,
     robot: str,
     foundation: FoundationDep,
     fleet: FleetDep,
+    deployment: DeploymentDep,
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
 ) -> Response:
     """Return where the robot believed to be, with uncertainty and fidelity level."""
     del caller
-    site = fleet.status(robot).record.site
+    site = fleet.status(robot).record.site if deployment is None else deployment.site
+    start, end = cut_to(deployment, robot, start, end)
     found = await foundation.store.query(
         lambda session: track(session, robot, start, end, max_points)
     )
@@ -248,7 +290,7 @@ async def get_track(
             north_m=positions[:, 0].tolist(),
             east_m=positions[:, 1].tolist(),
             depth_m=positions[:, 2].tolist(),
-            std_m=std_m.tolist(),
+            std_m=[one if math.isfinite(one) else None for one in std_m.tolist()],
             fidelity=fidelity_level(std_m, thresholds_m).tolist(),
             adrift=[mode in DRIFT_MODES for mode in found.mode],
             latitude_deg=geodetic[:, 0].tolist(),
@@ -259,12 +301,12 @@ async def get_track(
 
 
 def _placed(
-    robot: str, channel: str, found: SamplePlaces, thresholds_m: tuple[float, ...]
+    robot: str, channel: str, unit: str, found: SamplePlaces, thresholds_m: tuple[float, ...]
 ) -> SamplesView:
     return SamplesView(
         robot=robot,
         channel=channel,
-        unit=_unit(channel),
+        unit=unit,
         measured_at=found.measured_at,
         value=found.value,
         decimated=found.decimated,
@@ -277,16 +319,28 @@ def _placed(
     )
 
 
-def _unit(channel: str) -> str:
+def _unit(channel: str, catalogue: ChannelCatalogue) -> str:
     if channel in STATE.gauges:
         return STATE[channel].unit
-    if channel in VARIABLES:
-        return VARIABLES[channel].unit
-    known = ", ".join([*STATE.gauges, *VARIABLES])
+    if channel in catalogue:
+        return catalogue[channel].unit
+    known = ", ".join([*STATE.gauges, *catalogue])
     raise not_found(f"There is no channel {channel!r}; there are {known}.")
 
 
-def _check_links(links: list[str]) -> None:
+def check_model(model: str, protocol: str, vehicles: Vehicles) -> None:
+    """Refuse a model that is not in the catalogue; another maker's vehicle needs none."""
+    if model or protocol == "grace":
+        vehicles.check_model(model)
+
+
+def _tells(status: RobotStatus, key: str) -> bool:
+    """Tell whether a robot has told a channel of the state; a recording has at least its depth."""
+    return status.state is not None or (status.record.kind == "recorded" and key == "depth_m")
+
+
+def check_links(links: list[str]) -> None:
+    """Refuse links that are none, each by its place in the list."""
     errors: list[FieldError] = []
     for i, uri in enumerate(links):
         try:
@@ -297,10 +351,33 @@ def _check_links(links: list[str]) -> None:
         raise unprocessable(f"{len(errors)} links are wrong.", errors)
 
 
-async def _keep(change: Awaitable[T]) -> T:
+async def site_of(water: str | None, site: Site | None, waters: Waters) -> Site:
+    """Return where a robot is to work.
+
+    Raises:
+        Problem: 422 if it names no water, or two, or one that there is not; 409 if that is retired.
+    """
+    if (water is None) == (site is None):
+        message = "name the water that the robot works in, or give its site, not both"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["water"], msg=message)])
+    if water is None:
+        return cast("Site", site)
+    try:
+        found, _ = await waters.get(water)
+    except UnknownIdError as error:
+        raise unprocessable(
+            "1 field is wrong.", [FieldError(loc=["water"], msg=str(error))]
+        ) from error
+    if found.retired_at is not None:
+        raise conflict(f"{water} is retired; bring it back first.")
+    return found.site
+
+
+async def keep(change: Awaitable[T]) -> T:
+    """Return what a change of a robot returns; a refusal becomes a problem of status 409."""
     try:
         return await change
-    except RobotExistsError as error:
+    except (RobotExistsError, RobotStateError) as error:
         raise conflict(str(error)) from error
     except OSError as error:
         raise Problem(503, f"The robot's key cannot be kept: {error.strerror}.") from error

@@ -14,7 +14,7 @@ import segno
 from fastapi import APIRouter
 from sqlalchemy.orm import Session
 
-from db.query.events import add_event
+from db.query.station.events import add_event
 from robot_link.messages import RobotId
 from server.access.dependency import Admin
 from server.base.dependency import FoundationDep
@@ -22,9 +22,8 @@ from server.base.foundation import Foundation
 from server.base.problem import Problem
 from server.base.secret import SecretStore, SecretUnreadableError, secret_fault
 from server.base.view import View, one_of
-from server.fleet.dependency import FleetDep
+from server.fleet.dependency import FleetDep, refuse_recording
 from server.fleet.event import SigningChanged
-from server.fleet.recorded import refuse_recording
 
 router = APIRouter(prefix="/api", tags=["links"])
 

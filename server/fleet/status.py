@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 
 from autonomy.arrays import FloatArray
 from autonomy.planner.plan import Leg
-from db.query.plans import PlanRecord
-from db.query.robots import RobotRecord
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.mission.plans import PlanRecord
+from robot_link.channel_table import Announcement
 from robot_link.messages import (
     LinkReport,
     LinkState,
@@ -17,7 +19,14 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.report import ActuatorReport, CurrentReport, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Reading,
+    TargetReport,
+    VehicleReport,
+    VehicleWord,
+)
 from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.transport.opening import is_radio
 from server.fleet.clock_fault import ClockFault
@@ -96,6 +105,20 @@ class SurfaceFault:
     """One sentence for the operator."""
 
 
+@dataclass(frozen=True, slots=True)
+class DeploymentSuggestion:
+    """What the station takes to have happened, for a person to confirm."""
+
+    kind: str
+    """``begin`` or ``end`` of a deployment."""
+    at: datetime
+    text: str
+    """One sentence that asks."""
+
+
+_LONG_AGO = datetime.min.replace(tzinfo=UTC)
+
+
 @dataclass(slots=True)
 class RobotStatus:
     """Newest of everything about one robot; changed on the station's event loop only."""
@@ -110,6 +133,10 @@ class RobotStatus:
     """Newest word on what it believes of the current; ``None`` of one that never told."""
     actuator_report: ActuatorReport | None = None
     """Newest word on how its actuators follow, since the station started."""
+    vehicle_report: VehicleReport | None = None
+    """Newest report of a vehicle of another maker, since the station started."""
+    vehicle_word: VehicleWord | None = None
+    """The newest grave sentence of such a vehicle."""
     links: dict[str, LinkReport] = field(default_factory=dict)
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
     satellite: SatelliteStatus | None = None
@@ -122,12 +149,37 @@ class RobotStatus:
     """Why the newest order to surface was not obeyed; ``None`` once the robot is up."""
     remembered: LinkReport | None = None
     """What the database knows of the link, until the robot is heard again."""
+    derived: dict[str, Sample] = field(default_factory=dict[str, Sample])
+    """Newest value of what is computed of measurements, by channel."""
     samples: dict[str, Sample] = field(default_factory=dict)
     """Newest sample by variable."""
+    readings: dict[str, Reading] = field(default_factory=dict[str, Reading])
+    """Newest reading by channel."""
     plan: PlanInHand | None = None
     mission_id: str | None = None
+    deployment: DeploymentRecord | None = None
+    """Which it is in now; ``None`` of a robot in the workshop, and of a recording."""
+    ashore_since: datetime = _LONG_AGO
+    """Of a robot in the workshop: since when it is there."""
+    suggestion: DeploymentSuggestion | None = None
+    announced: Announcement | None = None
+    """The table of channels that it announced last; ``None`` of one that never did."""
+    channel_faults: dict[int, str] = field(default_factory=dict[int, str])
+    """What of that table contradicts the catalogue, a sentence for each number."""
     refused: int = 0
     """Values that were not believed since the station started."""
+    impossible: dict[str, int] = field(default_factory=dict[str, int])
+    """How many values of each channel were outside of what it can have, since then."""
+
+    @property
+    def is_retired(self) -> bool:
+        """Whether it is shown for its past alone."""
+        return self.record.retired_at is not None
+
+    @property
+    def is_in_workshop(self) -> bool:
+        """Whether it is between two deployments, or before its first."""
+        return self.record.kind != "recorded" and self.deployment is None
 
     @property
     def link(self) -> LinkReport | None:

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.estimation.position import STD_95
 from autonomy.tracking.phase import TargetPhase
-from db.query.target_end import mission_end
+from db.query.mission.target_end import mission_end
 from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.report import TargetEstimate, TargetReport
 

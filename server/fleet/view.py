@@ -7,6 +7,7 @@ from typing import Annotated
 from autonomy.site import Site
 from robot_link.messages import OnboardPlanState, RobotMode
 from server.base.view import RobotLevel, View, name_of, one_of
+from server.fleet.capability import RobotCapabilityView
 from server.fleet.link_view import LinkStateName, RobotLinkView
 from server.fleet.target_view import TargetReportView
 
@@ -53,6 +54,10 @@ class ChannelView(View):
     """Age of the measurement by the station's clock when this was written."""
     limit_s: float
     """Age from which the value must look old."""
+    is_derived: bool = False
+    """Whether it was computed ashore of what the robot measured."""
+    impossible: int = 0
+    """Values outside of the channel's range since the station started: kept, used for nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +66,46 @@ class PositionView(View):
 
     ned_m: tuple[float, float, float]
     """North, east, down in the site's frame."""
-    std_m: float
-    """Standard deviation of the horizontal position, larger axis."""
+    std_m: float | None
+    """Standard deviation of the horizontal position, larger axis; ``null`` where a vehicle of
+    another maker does not tell it."""
     latitude_deg: float
     longitude_deg: float
     has_fix: bool
     """Whether the position was fixed from outside at that moment."""
     measured_at: datetime
     received_at: datetime
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignVehicleView(View):
+    """What a vehicle of another maker says of itself beside its channels."""
+
+    autopilot: str
+    """Such as ``ArduSub``."""
+    kind: str
+    """Such as ``submarine``."""
+    mode_name: str
+    """The autopilot's own name of its mode, such as ``ALT_HOLD``; empty before it is told."""
+    mode_number: int
+    is_armed: bool | None
+    """Whether its motors may turn; ``null`` before it is told."""
+    text: str
+    """Mode and arming in words."""
+    depth_source: str
+    """The message that the depth is taken from; empty where none tells it."""
+    std_source: str
+    """The message that the position's uncertainty is taken from; empty where none tells it."""
+    mission_item: int | None
+    mission_items: int | None
+    unhealthy: list[str]
+    """Sensors and motors that it says are not well."""
+    landed: str
+    """Whether it stands or is under way; empty where it does not say."""
+    word: str
+    """Its newest grave sentence; empty if there was none."""
+    word_age_s: float | None
     age_s: float
 
 
@@ -163,15 +200,37 @@ class StateView(View):
     """What the robot believes of the current; ``null`` of one that never told."""
     actuators: ActuatorsView | None
     """How its actuators follow; ``null`` of one that never told."""
+    vehicle: ForeignVehicleView | None
+    """What a vehicle of another maker says of itself; ``null`` of our robots."""
     tracking: TargetReportView | None
     """Newest report on the target that the robot follows, or followed last; ``null`` for one that
     flies something else."""
 
 
 @dataclass(frozen=True, slots=True)
+class DeploymentBriefView(View):
+    """The deployment that a robot is in."""
+
+    id: str
+    name: str
+    started_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestionView(View):
+    """What the station takes to have happened to a robot, for a person to confirm."""
+
+    kind: Annotated[str, one_of("begin", "end")]
+    """``begin`` or ``end`` of a deployment."""
+    at: datetime
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class LiveRobotView(StateView):
     """State with what the fleet page shows beside it."""
 
+    suggestion: SuggestionView | None
     mission_id: str | None
     plan_id: str | None
     next_contact: ContactView | None
@@ -196,9 +255,22 @@ class RobotView(View):
     recording of something unknown."""
     kind: Annotated[str, one_of("real", "simulated", "recorded")]
     """``real``, ``simulated`` or ``recorded``."""
+    protocol: Annotated[str, one_of("grace", "mavlink")]
+    """What it speaks by radio: ``grace``, or ``mavlink`` of another maker's vehicle."""
+    capabilities: list[RobotCapabilityView]
+    """What it can do, and why it cannot do the rest."""
     system_id: int | None
     simulated: bool
+    water: str | None
+    """Id of the water that it works in; ``null`` where the site is its own."""
+    retired_at: datetime | None
+    deployment: DeploymentBriefView | None
+    """Which it is in now."""
+    is_in_workshop: bool
+    """Whether it is between two deployments: what it says belongs to none."""
+    suggestion: SuggestionView | None
     site: Site
+    """The water's document."""
     link: LinkView
     mode: RobotModeName | None
     activity: str
@@ -214,6 +286,42 @@ class RobotView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class AnnouncedView(View):
+    """A channel as the newest table of its robot has it."""
+
+    number: int
+    """On the wire."""
+    key: str
+    unit: str
+    period_s: float | None
+    """Time between two values; ``null`` where it is not fixed."""
+    version: str
+    """Of the table."""
+    since_at: datetime
+    """Since when the table holds, by the robot's clock."""
+    heard_at: datetime
+    """When the station heard it last."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldChannelView(View):
+    """A channel of which a robot has told values, or of which such can be computed."""
+
+    key: str
+    """As in `GET /api/channels`."""
+    title: str
+    unit: str
+    samples: int | None
+    """How many values are stored; ``null`` of what every state report tells or is computed."""
+    is_derived: bool
+    can_map: bool
+    announced: AnnouncedView | None = None
+    """What the robot itself says of the channel; ``null`` where it announced nothing of it."""
+    problem: str = ""
+    """What the robot says otherwise than the catalogue; its values are then not used."""
+
+
+@dataclass(frozen=True, slots=True)
 class SamplesView(View):
     """History of one channel."""
 
@@ -224,6 +332,8 @@ class SamplesView(View):
     value: list[float]
     decimated: bool
     """Whether values were left out; the extremes of every interval are kept."""
+    is_derived: bool = False
+    """Whether they were computed ashore of what the robot measured."""
     north_m: list[float] | None = None
     """Where each was taken, of a field variable and if asked for; smoothed where that was done."""
     east_m: list[float] | None = None
@@ -245,7 +355,8 @@ class TrackView(View):
     north_m: list[float]
     east_m: list[float]
     depth_m: list[float]
-    std_m: list[float]
+    std_m: list[float | None]
+    """``null`` where a vehicle of another maker does not tell it."""
     fidelity: list[int]
     """Fidelity level by the planner's thresholds; the highest is the best located."""
     adrift: list[bool]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import Session
 
-from db.query.robots import RobotRecord, get_robot, list_robots
+from db.query.fleet.robots import RobotRecord, get_robot, list_robots
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode, StateReport
+from robot_link.report import VehicleReport
 
 _CARRIERS = {
     "xbee": "XBee",
@@ -17,12 +18,19 @@ _CARRIERS = {
 }
 _BY_SATELLITE = ("rockblock", "directip", "cloudloop")
 _SLOW_M_S = 0.003
+IN_WORKSHOP = "In the workshop"
+"""What a robot does between two deployments."""
 TEACHING = "teaching: barrier off"
 """Mark of a robot, or of its plan, that does nothing to keep its target observable."""
 
 
 def activity(
-    state: StateReport | None, round_text: str, is_old: bool, *, is_teaching: bool = False
+    state: StateReport | None,
+    round_text: str,
+    is_old: bool,
+    *,
+    is_teaching: bool = False,
+    is_in_workshop: bool = False,
 ) -> str:
     """Say what a robot does, such as "Gliding down, round 2 of 4".
 
@@ -31,7 +39,12 @@ def activity(
         round_text: Where its mission stands, such as "round 2 of 4"; "" without one.
         is_old: Whether the report is older than its limit.
         is_teaching: Whether nothing keeps the target that it follows observable.
+        is_in_workshop: Whether it is between two deployments.
     """
+    if is_in_workshop:
+        if state is None or is_old or state.mode is RobotMode.IDLE:
+            return IN_WORKSHOP
+        return f"{IN_WORKSHOP}; {_motion(state).lower()}"
     if state is None:
         return "Not heard yet"
     text = _motion(state)
@@ -68,6 +81,35 @@ def _motion(state: StateReport) -> str:
             return "Following its target"
         case RobotMode.SEARCHING:
             return "Searching for its target"
+
+
+_LEVELS = ("critical", "critical", "critical", "warning", "watch")
+"""Of MAV_SEVERITY, from emergency to warning; what is less grave is information."""
+
+
+def level_of(severity: int) -> str:
+    """Return the level of an event for a sentence that a vehicle said with a MAV_SEVERITY."""
+    return _LEVELS[severity] if severity < len(_LEVELS) else "info"
+
+
+def mode_text(report: VehicleReport) -> str:
+    """Say mode and arming of a vehicle of another maker, such as "armed, in ALT_HOLD: ..."."""
+    armed = {None: "", True: "armed, ", False: "disarmed, "}[report.is_armed]
+    words = f" ({report.mode_words})" if report.mode_words else ""
+    return f"{armed}in {report.mode}{words}"
+
+
+def vehicle_activity(report: VehicleReport | None, *, is_old: bool) -> str:
+    """Say what a vehicle of another maker does, such as "Armed, in ALT_HOLD (holds its depth)"."""
+    if report is None:
+        return "Not heard yet"
+    if not report.mode:
+        return "Speaks, but has not said its mode"
+    text = mode_text(report)
+    if report.mode == "AUTO" and report.mission_item is not None:
+        of = "" if report.mission_items is None else f" of {report.mission_items}"
+        text = f"{text}, item {report.mission_item}{of}"
+    return f"Last heard: {text}" if is_old else f"{text[0].upper()}{text[1:]}"
 
 
 def carrier_title(carrier: str) -> str:
@@ -139,6 +181,8 @@ def command_text(
 _TOLD = {
     CommandKind.QUIET: "to stop pinging its target",
     CommandKind.PING: "to ping its target again",
+    CommandKind.ARM: "to let its motors turn",
+    CommandKind.DISARM: "to stop its motors",
 }
 _ORDERS = {
     CommandKind.SURFACE: "Surface order",
@@ -147,14 +191,18 @@ _ORDERS = {
     CommandKind.START: "Start order",
     CommandKind.QUIET: "Order to stop pinging",
     CommandKind.PING: "Order to ping again",
+    CommandKind.ARM: "Order to arm",
+    CommandKind.DISARM: "Order to disarm",
 }
 _APPLIED = {
     CommandKind.SURFACE: "{robot} obeys: it is coming up.",
-    CommandKind.HOLD: "{robot} obeys: it holds at the next surfacing.",
+    CommandKind.HOLD: "{robot} obeys the order to hold.",
     CommandKind.RESUME: "{robot} obeys: it continues its mission.",
     CommandKind.START: "{robot} obeys: it flies the plan on board.",
     CommandKind.QUIET: "{robot} obeys: it does not ping its target.",
     CommandKind.PING: "{robot} obeys: it pings its target again.",
+    CommandKind.ARM: "{robot} obeys: it is armed, its motors may turn.",
+    CommandKind.DISARM: "{robot} obeys: it is disarmed, its motors stand.",
 }
 
 

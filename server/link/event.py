@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_link.messages import CommandReport, PlanReport, Sample, UploadReport
-from robot_link.report import TargetReport
+from robot_link.report import Detection, Reading, ReceiverReport, TargetReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,32 @@ class SamplesStored:
 
 
 @dataclass(frozen=True, slots=True)
+class DetectionsStored:
+    """Heard tags that are in the database or the journal: their robot may forget them."""
+
+    detections: Sequence[Detection]
+    """Believable; some may have been told before."""
+    refused: Sequence[Detection]
+    """Of these only the bytes are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverReported:
+    """A robot said how its tag receiver fares; believable."""
+
+    report: ReceiverReport
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingsStored:
+    """Believable readings that are in the database."""
+
+    readings: Sequence[Reading]
+
+
+@dataclass(frozen=True, slots=True)
 class ValuesStored:
-    """States or samples of a robot are in the database or the journal."""
+    """States, samples or readings of a robot are in the database or the journal."""
 
     robot: str
 

@@ -6,17 +6,21 @@ twice is stored once. Gauges are latest-wins and do not wait for the database.
 
 import asyncio
 import logging
+import math
 from collections.abc import Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
+from autonomy.channel import Channel, key_at_station
 from autonomy.site import Site
 from db.fault import StoreError
 from db.ingest import Telemetry
-from db.query.events import add_event
+from db.query.station.events import add_event
 from db.store import Store
+from robot_link.channel_table import ChannelPage, TableVersion, version_text
 from robot_link.clock import Clock
 from robot_link.messages import (
     CommandReport,
@@ -28,20 +32,42 @@ from robot_link.messages import (
     StateReport,
     UploadReport,
 )
-from robot_link.report import ActuatorReport, CurrentReport, LinkEvent, RobotReport, TargetReport
+from robot_link.report import (
+    ActuatorReport,
+    CurrentReport,
+    Detection,
+    LinkEvent,
+    Reading,
+    ReceiverReport,
+    RobotReport,
+    TargetReport,
+    VehicleReport,
+    VehicleWord,
+)
+from robot_link.sample_log import SampleKey
+from server.base.channels import Channels
 from server.base.event_bus import EventBus
 from server.fleet.clock_fault import AHEAD_MAX, ClockJudge, Told
 from server.fleet.fleet import Fleet
 from server.fleet.plausibility import (
     fault_of_actuators,
     fault_of_current,
+    fault_of_detection,
+    fault_of_gappy_state,
+    fault_of_reading,
+    fault_of_receiver,
     fault_of_sample,
     fault_of_state,
     fault_of_target,
 )
+from server.fleet.words import level_of, mode_text
+from server.link.channel_tables import ChannelTables
 from server.link.event import (
     CommandReported,
+    DetectionsStored,
     PlanReported,
+    ReadingsStored,
+    ReceiverReported,
     SamplesStored,
     TargetReported,
     UploadReported,
@@ -50,7 +76,7 @@ from server.link.event import (
 
 log = logging.getLogger(__name__)
 
-Judged = TypeVar("Judged", bound=RobotReport, contravariant=True)
+Judged = TypeVar("Judged", bound=RobotReport | ChannelPage, contravariant=True)
 
 
 class FaultOf(Protocol[Judged]):
@@ -61,21 +87,44 @@ class FaultOf(Protocol[Judged]):
         ...
 
 
+CLOCK_OFF_MAX_S = 60.0
+"""A tag receiver whose clock is farther off is not dated by it (``onboard.tag_listener``)."""
 GATHER_S = 0.05
 """Telemetry is handed to the database in pieces of this length."""
+
+
+class _Told(NamedTuple):
+    """What is told once it is committed."""
+
+    samples: list[Sample]
+    refused: list[Sample]
+    readings: list[Reading]
 
 
 class Ingest:
     """Takes link events in the order in which they happened. Belongs to one event loop."""
 
-    def __init__(self, store: Store, fleet: Fleet, clock: Clock, bus: EventBus) -> None:
+    def __init__(
+        self,
+        store: Store,
+        fleet: Fleet,
+        clock: Clock,
+        bus: EventBus,
+        channels: Channels,
+        tables: ChannelTables,
+    ) -> None:
         self._store = store
         self._fleet = fleet
         self._clock = clock
         self._bus = bus
+        self._channels = channels
+        self._tables = tables
         self._rows: list[Telemetry] = []
         self._samples: list[Sample] = []
         self._refused: list[Sample] = []
+        self._heard: list[Detection] = []
+        self._heard_refused: list[Detection] = []
+        self._readings: list[Reading] = []
         self._flush: asyncio.TimerHandle | None = None
         self._stored: Future[None] | None = None
         """What was handed to the database last."""
@@ -83,6 +132,8 @@ class Ingest:
         self._plans_told: dict[RobotId, datetime] = {}
         """When each robot said its newest word on its plan by radio."""
         self._told_faults: set[tuple[str, str]] = set()
+        self._receivers_off: set[RobotId] = set()
+        """Robots whose tag receiver's clock is wrong, as was told."""
         self._notes: set[asyncio.Task[None]] = set()
 
     def take(self, event: LinkEvent, *, is_prompt: bool = True) -> None:
@@ -101,6 +152,16 @@ class Ingest:
                 self._take_state(event, is_prompt=is_prompt)
             case Sample():
                 self._take_sample(event)
+            case Detection():
+                self._take_detection(event)
+            case ReceiverReport():
+                self._take_receiver(event)
+            case Reading():
+                self._take_reading(event)
+            case ChannelPage():
+                self._take_page(event)
+            case TableVersion():
+                self._take_version(event)
             case PlanReport():
                 self._take_plan_report(event, is_prompt=is_prompt)
             case LinkReport():
@@ -111,6 +172,10 @@ class Ingest:
                 self._take_current(event)
             case ActuatorReport():
                 self._take_actuators(event)
+            case VehicleReport():
+                self._take_vehicle(event)
+            case VehicleWord():
+                self._take_word(event)
             case UploadReport():
                 self._bus.publish(UploadReported(event))
             case CommandReport():
@@ -141,14 +206,17 @@ class Ingest:
             self._flush = None
         if not self._rows:
             return None
-        rows, samples, refused = self._rows, self._samples, self._refused
-        robots = {row.robot for row in rows if isinstance(row, StateReport | Sample)}
-        self._rows, self._samples, self._refused = [], [], []
+        rows = self._rows
+        told = _Told(self._samples, self._refused, self._readings)
+        robots = {row.robot for row in rows if isinstance(row, StateReport | Sample | Reading)}
+        heard = DetectionsStored(self._heard, self._heard_refused)
+        self._rows, self._samples, self._refused, self._readings = [], [], [], []
+        self._heard, self._heard_refused = [], []
         loop = asyncio.get_running_loop()
 
         def committed(future: "Future[None]") -> None:
             if not loop.is_closed():
-                loop.call_soon_threadsafe(self._committed, future, samples, refused, robots)
+                loop.call_soon_threadsafe(self._committed, future, told, robots, heard)
 
         stored = self._store.append(rows)
         stored.add_done_callback(committed)
@@ -176,6 +244,9 @@ class Ingest:
         self._bus.publish(PlanReported(report))
 
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
+        if self._fleet.status(report.robot).record.is_foreign:
+            self._take_foreign_state(report)
+            return
         judge = self._clock_of(report.robot)
         judge.hear(report, is_prompt=is_prompt)
         self._fleet.set_clock_fault(report.robot, judge.fault)
@@ -183,6 +254,31 @@ class Ingest:
         if told is not None:
             self._append(told)
             self._fleet.take_state(told)
+
+    def _take_foreign_state(self, report: StateReport) -> None:
+        """Take the state of a vehicle of another maker, dated by its arrival, maybe with gaps."""
+        fault = fault_of_gappy_state(report, self._site(report))
+        if fault is not None:
+            self._refuse(report.robot, "state", fault)
+            return
+        self._told_faults.discard((report.robot, "state"))
+        self._append(report)
+        if all(map(math.isfinite, report.position_ned)):
+            self._fleet.take_state(report)
+
+    def _take_vehicle(self, report: VehicleReport) -> None:
+        before = self._fleet.status(report.robot).vehicle_report
+        self._fleet.take_vehicle(report)
+        was = None if before is None else (before.mode, before.is_armed)
+        if report.mode and was != (report.mode, report.is_armed):
+            text = f"{report.robot} is {mode_text(report)}."
+            self._say(report.robot, "vehicle.mode", text, "info")
+
+    def _take_word(self, word: VehicleWord) -> None:
+        level = level_of(word.severity)
+        self._say(word.robot, "vehicle.said", f"{word.robot} says: {word.text}", level)
+        if level != "info":
+            self._fleet.take_word(word)
 
     def _take_target(self, report: TargetReport) -> None:
         told = self._believed(report, "track", partial(fault_of_target, site=self._site(report)))
@@ -209,13 +305,111 @@ class Ingest:
             self._say(told.robot, "fix.refused", text)
 
     def _take_sample(self, sample: Sample) -> None:
+        catalogue = self._channels.catalogue
+        key = key_at_station(sample.variable, catalogue)
         told = self._believed(sample, "sample", partial(fault_of_sample, site=self._site(sample)))
-        if told is None:
+        if told is None or key is None:
+            if key is None:
+                self._refuse_channel(sample.robot, sample.variable)
             # Its bytes are in the journal; without an answer the robot would send it for ever.
             self._refused.append(sample)
             return
+        name = SampleKey(sample.log, sample.sequence)
+        if fault := self._tables.fault_of_sample(sample.robot, catalogue[key], name):
+            self._refuse_unit(sample.robot, key, fault)
+            self._refused.append(sample)
+            return
+        told = replace(told, variable=key)
         self._append(told)
-        self._samples.append(told)
+        if self._is_possible(told.robot, catalogue[key], told.value):
+            self._samples.append(told)
+        else:
+            self._refused.append(told)
+
+    def _take_reading(self, reading: Reading) -> None:
+        catalogue = self._channels.catalogue
+        key = key_at_station(reading.channel, catalogue)
+        told = self._believed(reading, "reading", fault_of_reading)
+        if key is None:
+            self._refuse_channel(reading.robot, reading.channel)
+        if told is None or key is None:
+            return
+        if fault := self._tables.fault_of_reading(told.robot, catalogue[key], told.measured_at):
+            self._refuse_unit(told.robot, key, fault)
+            return
+        told = replace(told, channel=key)
+        self._append(told)
+        if self._is_possible(told.robot, catalogue[key], told.value):
+            self._readings.append(told)
+
+    def _refuse_channel(self, robot: RobotId, key: str) -> None:
+        """Say once of each channel that nobody here knows what its values mean."""
+        text = (
+            f"{robot} sent values of channel {key}, which the catalogue does not have: add it in"
+            " Settings, Channels. They are in the journal but are not used."
+        )
+        self._tell_once(robot, f"channel {key}", "channel.refused", text)
+
+    def _refuse_unit(self, robot: RobotId, key: str, fault: str) -> None:
+        """Keep a value that means something else than the catalogue says out of everything."""
+        self._fleet.count_refused(robot)
+        text = f"{robot}: {fault}; its values are in the journal but are not used."
+        self._tell_once(robot, f"meaning of {key}", "sample.refused", text)
+
+    def _take_page(self, page: ChannelPage) -> None:
+        try:
+            self._tables.take(self._clock_of(page.robot).dated(page))
+        except ValueError as error:
+            text = f"{page.robot} announced channels, but {error}; it is not used."
+            self._tell_once(page.robot, "table", "channels.refused", text)
+        else:
+            self._told_faults.discard((page.robot, "table"))
+
+    def _take_version(self, said: TableVersion) -> None:
+        """Say so where a robot measures by a table that did not come."""
+        if self._tables.knows(said.robot, said.version):
+            self._told_faults.discard((said.robot, "version"))
+            return
+        text = (
+            f"{said.robot} measures by a table of channels that has not come, version"
+            f" {version_text(said.version)}; its values are judged by the one before."
+        )
+        self._tell_once(said.robot, "version", "channels.missing", text)
+
+    def _is_possible(self, robot: RobotId, channel: Channel, value: float) -> bool:
+        """Tell whether a value can be true; one that cannot is kept as told, used for nothing."""
+        fault = channel.fault(value)
+        if fault is None:
+            self._told_faults.discard((robot, channel.key))
+            return True
+        self._fleet.count_impossible(robot, channel.key)
+        text = f"{robot} told: {fault}; kept, not used in maps and alarms."
+        self._tell_once(robot, channel.key, "sample.refused", text)
+        return False
+
+    def _take_detection(self, detection: Detection) -> None:
+        fault_of = partial(fault_of_detection, site=self._site(detection))
+        told = self._believed(detection, "detection", fault_of)
+        if told is None:
+            self._heard_refused.append(detection)
+            return
+        self._append(told)
+        self._heard.append(told)
+
+    def _take_receiver(self, report: ReceiverReport) -> None:
+        told = self._believed(report, "receiver", fault_of_receiver)
+        if told is None:
+            return
+        self._append(told)
+        self._bus.publish(ReceiverReported(told))
+        is_off = told.clock_offset_s is not None and abs(told.clock_offset_s) > CLOCK_OFF_MAX_S
+        if is_off and told.robot not in self._receivers_off:
+            text = (
+                f"The clock of the tag receiver of {told.robot} is off by "
+                f"{told.clock_offset_s:+.0f} s; detections are dated by the robot's."
+            )
+            self._say(told.robot, "receiver.clock", text)
+        (self._receivers_off.add if is_off else self._receivers_off.discard)(told.robot)
 
     def _site(self, report: RobotReport) -> Site:
         return self._fleet.status(report.robot).record.site
@@ -233,41 +427,52 @@ class Ingest:
     def _committed(
         self,
         future: "Future[None]",
-        samples: list[Sample],
-        refused: list[Sample],
+        told: "_Told",
         robots: set[RobotId],
+        heard: DetectionsStored,
     ) -> None:
         error = future.exception()
         if error is not None:
             log.error("telemetry was not stored: %s", error)
             return
-        for sample in samples:
+        for sample in told.samples:
             self._fleet.take_sample(sample)
-        if samples or refused:
-            self._bus.publish(SamplesStored(samples, refused))
+        for reading in told.readings:
+            self._fleet.take_reading(reading)
+        if told.samples or told.refused:
+            self._bus.publish(SamplesStored(told.samples, told.refused))
+        if told.readings:
+            self._bus.publish(ReadingsStored(told.readings))
+        if heard.detections or heard.refused:
+            self._bus.publish(heard)
         for robot in robots:
             self._bus.publish(ValuesStored(robot))
 
     def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
         """Count a value that cannot be true, and say so once until a good one came."""
         self._fleet.count_refused(robot)
-        if (robot, what) in self._told_faults:
-            return
-        self._told_faults.add((robot, what))
         text = f"{robot} sent {fault}; the {what} is in the journal but is not used."
-        self._say(robot, f"{what}.refused", text)
+        self._tell_once(robot, what, f"{what}.refused", text)
 
-    def _say(self, robot: RobotId, kind: str, text: str) -> None:
+    def _tell_once(self, robot: RobotId, what: str, kind: str, text: str) -> None:
+        """Write a sentence about a robot's value, once until a good one came."""
+        if (robot, what) not in self._told_faults:
+            self._told_faults.add((robot, what))
+            self._say(robot, kind, text)
+
+    def _say(self, robot: RobotId, kind: str, text: str, level: str = "watch") -> None:
         """Write a sentence into the event log soon."""
-        task = asyncio.create_task(self._note(robot, kind, text), name=f"note {kind} of {robot}")
+        task = asyncio.create_task(
+            self._note(robot, kind, text, level), name=f"note {kind} of {robot}"
+        )
         self._notes.add(task)
         task.add_done_callback(self._notes.discard)
 
-    async def _note(self, robot: RobotId, kind: str, text: str) -> None:
+    async def _note(self, robot: RobotId, kind: str, text: str, level: str) -> None:
         at = self._clock.now()
         try:
             await self._store.write(
-                lambda session: add_event(session, at, kind, text, level="watch", robot=robot)
+                lambda session: add_event(session, at, kind, text, level=level, robot=robot)
             )
         except StoreError:
             log.warning("%s", text)

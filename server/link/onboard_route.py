@@ -1,9 +1,9 @@
 """What robots keep on board: parameters and log files, asked for over radio only."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse
 from pydantic import Field
 
@@ -11,7 +11,12 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, service
 from server.base.view import Body, View
-from server.link.onboard_view import ParametersView, ParameterView, RobotLogsView
+from server.link.onboard_view import (
+    ParameterDifference,
+    ParametersView,
+    ParameterView,
+    RobotLogsView,
+)
 from server.link.parameters import Parameters
 from server.link.robot_logs import RobotLogs
 
@@ -25,6 +30,20 @@ class ParameterRequest(Body):
     """What a parameter shall be."""
 
     value: float
+
+
+class ParameterFileBody(Body):
+    """A file about parameters."""
+
+    text: str = Field(max_length=8 * 2**20)
+
+
+@dataclass(frozen=True, slots=True)
+class DescribedView(View):
+    """What came of a file."""
+
+    parameters: int
+    """How many it describes."""
 
 
 class LogRequest(Body):
@@ -41,10 +60,42 @@ class JobIdView(View):
 
 
 @router.get("/parameters")
-async def list_parameters(caller: Viewer, robot: str, parameters: ParametersDep) -> ParametersView:
-    """Return the robot's parameters as it said them last."""
+async def list_parameters(
+    caller: Viewer,
+    robot: str,
+    parameters: ParametersDep,
+    against: Annotated[
+        str | None, Query(description="Another robot, whose values stand beside.")
+    ] = None,
+) -> ParametersView:
+    """Return the robot's parameters as it said them last, with what is known of their meaning."""
     del caller
-    return await parameters.view(robot)
+    return await parameters.view(robot, against)
+
+
+@router.put("/parameters-description")
+async def describe_parameters(
+    caller: Pilot, robot: str, body: ParameterFileBody, parameters: ParametersDep
+) -> DescribedView:
+    """Keep what a maker's file says of the parameters (JSON of MAVLink component metadata)."""
+    count = await parameters.describe(robot, body.text.encode(), by=caller.name)
+    return DescribedView(count)
+
+
+@router.post("/parameters/compare")
+async def compare_parameters(
+    caller: Viewer,
+    robot: str,
+    body: ParameterFileBody,
+    parameters: ParametersDep,
+    against: Annotated[
+        Literal["robot", "defaults"],
+        Query(description="What the robot said last, or the defaults that its maker names."),
+    ] = "robot",
+) -> list[ParameterDifference]:
+    """Return where a saved file (QGroundControl, ArduPilot) differs from the robot."""
+    del caller
+    return await parameters.compare(robot, body.text, with_defaults=against == "defaults")
 
 
 @router.post("/parameters/read", status_code=202)

@@ -7,6 +7,25 @@ from server.base.view import View
 
 
 @dataclass(frozen=True, slots=True)
+class ParameterChoiceView(View):
+    """A value of a parameter that has a name."""
+
+    value: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterDifference(View):
+    """A parameter that a saved file and a robot do not have alike."""
+
+    name: str
+    robot: float | None
+    """Its value on board, or its default; ``null`` where the robot has named none of this name."""
+    file: float | None
+    """``null`` where the file does not."""
+
+
+@dataclass(frozen=True, slots=True)
 class ParameterView(View):
     """One parameter as the robot said it last."""
 
@@ -18,6 +37,21 @@ class ParameterView(View):
     pending: bool
     """Whether it is being written now; ``value`` is then still the old one."""
     read_at: datetime
+    title: str
+    """What the maker calls it; this and what follows is empty or ``null`` where nobody said it."""
+    help: str
+    unit: str
+    default: float | None
+    minimum: float | None
+    maximum: float | None
+    values: list[ParameterChoiceView]
+    """Values that have names."""
+    needs_reboot: bool
+    is_default: bool | None
+    """Whether it has its default; ``null`` where that is not known."""
+    other: float | None
+    """What the robot that it is compared with has; ``null`` where it has none, or none was asked
+    for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +60,8 @@ class ParametersView(View):
 
     read_at: datetime | None
     """When the newest of them was said; ``null`` if they were never read."""
+    is_described: bool
+    """Whether the station knows what they mean, from the vehicle itself or from a file."""
     parameters: list[ParameterView]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Protocol
 
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from robot_link.clock import Clock
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import (
@@ -24,23 +24,27 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.report import LinkEvent
 from robot_link.service.file_store import FileEntry
+from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
+from robot_link.service.standard_item import StandardItem
+from robot_link.standard_config import StandardCommandConfig
 from robot_link.station.error import OutOfContactError
 from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
 from server.base.wakeups import Wakeups
-from server.link.event import SamplesStored
+from server.link.event import DetectionsStored, SamplesStored
 from server.link.link import Radio
 from server.link.parameters import ParameterRadio
 from server.link.robot_logs import FileRadio
 from server.link.signing import RobotSigning
+from server.link.waypoints import WaypointRadio
 
 log = logging.getLogger(__name__)
 
 
-class Link(Radio, ParameterRadio, FileRadio, Protocol):
+class Link(Radio, ParameterRadio, FileRadio, WaypointRadio, Protocol):
     """A radio that must be run; ``robot_link.station.link.StationLink`` is one."""
 
     def set_robots(
@@ -77,6 +81,10 @@ def _paths(robot: RobotRecord) -> tuple[RadioPath, ...]:
     return tuple(RadioPath.of(uri) for uri in robot.links if is_radio(uri))
 
 
+def _origin_deg(robot: RobotRecord) -> tuple[float, float]:
+    return robot.site.origin_latitude_deg, robot.site.origin_longitude_deg
+
+
 def _radios(endpoints: Iterable[RobotEndpoint]) -> set[str]:
     """Return what names the radios of the station by which robots are reached."""
     return {path.transport_uri for end in endpoints for path in end.paths}
@@ -99,6 +107,7 @@ class Radios:
         self._clock = clock
         self._on_event = on_event
         self._robots: dict[RobotId, RobotEndpoint] = {}
+        self._orders: dict[RobotId, StandardCommandConfig] = {}
         self._disabled: set[str] = set()
         """Radios that the operator disabled, of robots there are and others."""
         self._signing = signing
@@ -110,7 +119,13 @@ class Radios:
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
         """Say which robots there are; tell whether they changed."""
         endpoints = {
-            robot.id: RobotEndpoint(robot.system_id, paths, self._signing.decisions(robot.id))
+            robot.id: RobotEndpoint(
+                robot.system_id,
+                paths,
+                self._signing.decisions(robot.id),
+                standard=self._orders_of(robot),
+                origin_deg=_origin_deg(robot) if robot.is_foreign else None,
+            )
             for robot in robots
             if robot.system_id is not None and (paths := _paths(robot))
         }
@@ -124,6 +139,15 @@ class Radios:
             self._link.set_enabled(uri, False)
         self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
         return True
+
+    def set_orders(self, robot: RobotId, config: StandardCommandConfig) -> None:
+        """Say how another maker's vehicle is told orders, from the next ``set_robots`` on."""
+        self._orders[robot] = config
+
+    def _orders_of(self, robot: RobotRecord) -> StandardCommandConfig | None:
+        if not robot.is_foreign:
+            return None
+        return self._orders.get(robot.id, StandardCommandConfig())
 
     def set_enabled(self, uri: str, *, is_enabled: bool) -> None:
         """Enable or disable a link; robots that share its radio share that.
@@ -179,11 +203,13 @@ class Radios:
             self._waiting[robot, number] = expires
             self._expiry.wake()
 
-    def acknowledge(self, stored: SamplesStored) -> None:
+    def acknowledge(self, stored: SamplesStored | DetectionsStored) -> None:
         """Tell robots which samples they may forget."""
         sequences: dict[tuple[RobotId, LogId], list[int]] = defaultdict(list)
-        for sample in (*stored.samples, *stored.refused):
-            if sample.robot in self._robots:
+        told = stored.samples if isinstance(stored, SamplesStored) else stored.detections
+        for sample in (*told, *stored.refused):
+            endpoint = self._robots.get(sample.robot)
+            if endpoint is not None and endpoint.standard is None:
                 sequences[sample.robot, sample.log].append(sample.sequence)
         for (robot, sample_log), numbers in sequences.items():
             self._link.acknowledge_samples(robot, sample_log, numbers)
@@ -192,9 +218,25 @@ class Radios:
         """Return every parameter of a robot; see ``StationLink``."""
         return await self._linked(robot).read_parameters(robot)
 
+    async def describe_parameters(self, robot: RobotId) -> Mapping[str, ParameterDescription]:
+        """Return what a vehicle says of its own parameters; see ``StationLink``."""
+        return await self._linked(robot).describe_parameters(robot)
+
     async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
         """Set a parameter and return it as it was read back; see ``StationLink``."""
         return await self._linked(robot).write_parameter(robot, name, value)
+
+    async def upload_waypoints(
+        self, robot: RobotId, items: Sequence[StandardItem], report: Callable[[int, int], None]
+    ) -> None:
+        """Put waypoints on board and read them back; see ``StationLink``."""
+        await self._linked(robot).upload_waypoints(robot, items, report)
+
+    async def read_waypoints(
+        self, robot: RobotId, report: Callable[[int, int], None]
+    ) -> Sequence[StandardItem]:
+        """Return the waypoints on board; see ``StationLink``."""
+        return await self._linked(robot).read_waypoints(robot, report)
 
     async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
         """Return the entries of a folder on board; see ``StationLink``."""

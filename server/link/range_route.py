@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from db.query.ranges import list_ranges
+from db.query.measured.ranges import list_ranges
 from db.record import same
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep

@@ -15,8 +15,8 @@ from typing import Protocol
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query.ranges import RangeRecord, add_range
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.measured.ranges import RangeRecord, add_range
 from db.record import same
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.measurement import RangeMeasurement

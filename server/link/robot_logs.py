@@ -7,17 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from db.query import onboard as query
-from db.query.onboard import LogRecord
+from db.query.fleet import onboard as query
+from db.query.fleet.onboard import LogRecord
 from robot_link.messages import RobotId
 from robot_link.service.file_store import FileEntry
 from robot_link.station.error import ServiceError
 from server.base.foundation import Foundation
-from server.base.job import JobError, JobProgress
-from server.base.job_per_key import JobPerKey
+from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import not_found
+from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
-from server.fleet.recorded import refuse_recording
 from server.fleet.words import sentence
 from server.link.onboard_view import FetchedLogView, RobotLogsView, RobotLogView
 

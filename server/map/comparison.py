@@ -10,11 +10,10 @@ from sqlalchemy.orm import Session
 from autonomy.field.carriage import Carrier
 from autonomy.field.score import Scores
 from db.column import moment
-from db.query.events import add_event
-from db.query.samples import SampleColumns, sample_columns
+from db.query.measured.samples import SampleColumns
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
-from server.base.job import JobError, JobProgress
-from server.base.job_per_key import JobPerKey
+from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import conflict, not_found
 from server.base.study import worked_out
 from server.base.worker import WorkerPool
@@ -24,7 +23,7 @@ from server.map.field_model import MODEL_TITLES
 from server.map.grid import grid_of
 from server.map.group import MapGroup
 from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
-from server.map.samples import field_samples, in_moving_water, usable
+from server.map.samples import field_samples, in_moving_water, map_columns, usable
 from server.map.site_map import basis_of, view_on_grid
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.map.view import (
@@ -99,7 +98,7 @@ class MapComparisons:
     ) -> dict[str, Any]:
         progress.report(0.0, "Waiting for a free process")
         columns = await self._store.query(
-            lambda session: sample_columns(session, group.robots, group.config.variable)
+            lambda session: map_columns(session, group.robots, group.channel, group.spans)
         )
         carrier = self._maps.carrier(group)
         problem = await asyncio.to_thread(_problem, group, columns, carrier)
@@ -172,6 +171,7 @@ def _comparison(
     views = {
         (config.variable, one.model): view_on_grid(
             config.model_copy(update={"model": one.model}),
+            group.channel,
             grid,
             one.mean,
             one.std,

@@ -16,7 +16,6 @@ from autonomy.field.live.live_map import LiveMap
 from autonomy.field.mask import water_mask
 from autonomy.field.model.model import FieldModel
 from autonomy.field.samples import FieldSamples
-from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.field.synthetic import truth
 from server.map.field_model import MODEL_TITLES, MODELS
@@ -99,7 +98,7 @@ def _truth(problem: ComparisonProblem) -> _Truth | None:
         values = truth(problem.field.variable, points)
     except ValueError:
         return None
-    return _Truth(points, to_model(problem.field.resolved_scale(), values)) if len(points) else None
+    return _Truth(points, problem.field.in_model_scale(values)) if len(points) else None
 
 
 def held_out_parts(samples: FieldSamples) -> list[BoolArray]:
@@ -155,7 +154,7 @@ def _scored(config: FieldConfig, live: LiveMap, tested: FieldSamples) -> Scores:
     }.get(config.model, config.single.noise_variance)
     prediction = live.predict(tested.points)
     covariance = prediction.covariance + noise * np.eye(len(tested))
-    return score(prediction.mean, covariance, to_model(config.resolved_scale(), tested.values))
+    return score(prediction.mean, covariance, config.in_model_scale(tested.values))
 
 
 def _on_grid(problem: ComparisonProblem, model: FieldModel) -> tuple[FloatArray, FloatArray]:

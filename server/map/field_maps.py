@@ -19,12 +19,14 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import FloatArray
 from autonomy.field.carriage import Carrier
 from autonomy.field.live.live_map import Prediction
+from autonomy.seawater import DERIVED, MEASURED
 from db.fault import StoreError, StoreUnavailableError
-from db.query.maps import add_map, newest_maps
-from db.query.robots import RobotRecord
-from db.query.samples import sample_columns
+from db.query.fleet.deployments import joint_spans
+from db.query.fleet.robots import RobotRecord
+from db.query.measured.maps import add_map, newest_maps
 from db.store import Store
 from robot_link.clock import Clock
+from server.base.channels import Channels
 from server.base.event_bus import EventBus
 from server.fleet.event import FixTaken
 from server.fleet.water import site_robots
@@ -32,6 +34,7 @@ from server.link.event import SamplesStored
 from server.map.event import DivesSmoothed, MapChanged
 from server.map.group import MapGroup, MapKey, MapSettings
 from server.map.record import Comparison, newest_comparison, record_of, scores_of, view_of
+from server.map.samples import map_columns
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
 from server.map.view import ScoresView
@@ -59,9 +62,11 @@ class FieldMaps:
         store: Store,
         clock: Clock,
         bus: EventBus,
+        channels: Channels,
         carrier_of: Callable[[str], Carrier | None] = lambda _: None,
     ) -> None:
         self._store = store
+        self._channels = channels
         self._carrier_of = carrier_of
         """Map of the current of a robot's water, where one may be relied upon."""
         self._bus = bus
@@ -105,7 +110,12 @@ class FieldMaps:
     async def show_saved(self, robot: str) -> None:
         """Show the maps of a recording as they were kept."""
         saved = await self._store.query(lambda session: newest_maps(session, robot))
-        views = {(record.variable, record.model): view_of(record) for record in saved}
+        known = self._channels.catalogue
+        views = {
+            (record.variable, record.model): view_of(record, known[record.variable])
+            for record in saved
+            if record.variable in known
+        }
         self._recorded[robot] = (views, scores_of(saved))
         self._tell_robot(robot)
 
@@ -117,8 +127,12 @@ class FieldMaps:
         for sample in samples:
             self._fed_s[sample.robot] = now_s
             for group in self._groups:
-                if sample.robot in group.robots:
+                if not group.takes(sample):
+                    continue
+                if group.is_fed_by(sample.variable):
                     group.waiting.append(sample)
+                elif group.channel.key in DERIVED and sample.variable in MEASURED:
+                    group.is_stale = True
         for robot in {sample.robot for sample in samples}:
             if self._smoothing.has_ended_dive(robot) or self._smoothing.is_behind(robot):
                 # the fix that ended their dive was told before they were committed
@@ -253,10 +267,12 @@ class FieldMaps:
     async def _make(self, group: MapGroup, robots: tuple[str, ...]) -> None:
         """Make the map of a group of the samples of these robots, if it is not that already."""
         grid = group.grid()
+        spans = await self._store.query(lambda session: joint_spans(session, robots))
         async with self._algebra:
-            if group.live is not None and group.live.is_of(group.config, grid, robots):
+            is_of = group.live is not None and group.live.is_of(group.config, grid, robots)
+            if is_of and group.spans == spans:
                 return
-            group.robots = robots
+            group.robots, group.spans = robots, spans
             if group.live is None:
                 group.scores |= await self._saved_scores(robots)
             await self._condition(group)
@@ -280,14 +296,22 @@ class FieldMaps:
 
     async def _condition(self, group: MapGroup) -> None:
         """Make a group's map of its stored samples; call it with the lock held."""
-        config, robots, grid = group.config, group.robots, group.grid()
+        config, robots, grid, spans = group.config, group.robots, group.grid(), group.spans
         version = 0 if group.live is None else group.live.version
         columns = await self._store.query(
-            lambda session: sample_columns(session, robots, config.variable)
+            lambda session: map_columns(session, robots, group.channel, spans)
         )
         carrier = self.carrier(group)
         group.live = await asyncio.to_thread(
-            SiteMap.from_columns, config, grid, robots, columns, version, carrier, group.domain
+            SiteMap.from_columns,
+            config,
+            group.channel,
+            grid,
+            robots,
+            columns,
+            version,
+            carrier,
+            group.domain,
         )
 
     async def _feed(self, group: MapGroup) -> None:
@@ -361,7 +385,7 @@ class FieldMaps:
     async def _load_comparison(self, group: MapGroup) -> None:
         """Show the newest comparison that was kept for any robot of the map."""
         group.comparison = await self._store.query(
-            lambda session: newest_comparison(session, group.robots, group.config.variable)
+            lambda session: newest_comparison(session, group.robots, group.channel)
         )
 
     def _tell(self, group: MapGroup) -> None:

@@ -10,6 +10,6 @@ from autonomy.site import Box, Site
 
 def grid_of(config: FieldConfig, domain: Box, site: Site) -> Grid:
     """Return the grid of a map with its mask of the water."""
-    if site.shoreline is None and site.bathymetry is None:
+    if site.shore is None and site.depth_lines is None:
         return Grid.over(domain, config.grid)
     return Grid.over(domain, config.grid, partial(water_mask, site))

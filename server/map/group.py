@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from autonomy.channel import Channel, ChannelCatalogue
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
 from autonomy.planner.config import PlannerConfig
 from autonomy.site import Box, Site
-from db.query.robots import RobotRecord
+from db.deployment_span import LiveSpan
+from db.query.fleet.robots import RobotRecord
 from robot_link.messages import Sample
 from server.base.configuration import CurrentConfiguration
 from server.fleet.water import Water
@@ -28,6 +30,8 @@ class MapSettings:
 
     config: FieldConfig
     """With the fidelity thresholds of the planner."""
+    channel: Channel
+    """What is mapped, as the catalogue has it."""
     domain: Box
     version: str
     """Public id of the version of the field's settings, ``preset`` for the preset."""
@@ -46,9 +50,12 @@ class MapGroup:
     site: Site
     is_simulated: bool
     config: FieldConfig
+    channel: Channel
     domain: Box
     robots: tuple[str, ...]
     """Whose samples the map takes: all robots of the water."""
+    spans: Mapping[str, LiveSpan] = field(default_factory=dict[str, LiveSpan])
+    """The deployments whose samples these are, by robot; others of their robots stay out."""
     members: set[str] = field(default_factory=set[str])
     """Robots whose settings are these."""
     live: SiteMap | None = None
@@ -71,18 +78,29 @@ class MapGroup:
             site=record.site,
             is_simulated=record.simulated,
             config=settings.config,
+            channel=settings.channel,
             domain=settings.domain,
             robots=robots,
         )
 
     def fits(self, record: RobotRecord, settings: MapSettings) -> bool:
         """Tell whether the map of a robot is this one."""
-        return (self.water, self.site, self.config, self.domain) == (
+        return (self.water, self.site, self.config, self.channel, self.domain) == (
             Water.of(record),
             record.site,
             settings.config,
+            settings.channel,
             settings.domain,
         )
+
+    def is_fed_by(self, variable: str) -> bool:
+        """Tell whether a measurement of a variable is a sample of the map."""
+        return variable == self.config.variable
+
+    def takes(self, sample: Sample) -> bool:
+        """Tell whether a sample belongs to the map."""
+        span = self.spans.get(sample.robot)
+        return span is not None and span.holds(sample.measured_at)
 
     def grid(self) -> Grid:
         """Return the grid of the map, with its mask of the water."""
@@ -107,9 +125,17 @@ class MapGroup:
         return shown | {key: view for key, view in compared.items() if key not in shown}
 
 
-def field_config_of(found: CurrentConfiguration, planner: PlannerConfig) -> FieldConfig:
-    """Return a field's settings with the planner's fidelity thresholds, where they fit."""
+def field_config_of(
+    found: CurrentConfiguration, planner: PlannerConfig, channels: ChannelCatalogue
+) -> FieldConfig:
+    """Return a field's settings with the planner's fidelity thresholds, where they fit.
+
+    They have their channel's scale where they leave it to that.
+    """
     value = found.value_as(FieldConfig)
+    channel = channels.get(value.variable)
+    if channel is not None:
+        value = value.for_channel(channel)
     thresholds_m = planner.fidelity_thresholds_m
     if len(thresholds_m) != len(value.fidelity_thresholds_m):
         return value

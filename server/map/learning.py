@@ -16,15 +16,14 @@ from autonomy.field.config import FieldConfig
 from autonomy.field.learned import LearnedConfig
 from autonomy.field.samples import FieldSamples
 from db.fault import StoreError
-from db.query import configurations as query
-from db.query.events import add_event
-from db.query.samples import count_received, sample_columns
+from db.query.measured.samples import count_since
+from db.query.station import configurations as query
+from db.query.station.events import add_event
 from server.base.configuration import CurrentConfiguration, current
 from server.base.configuration_kind import find_kind
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
-from server.base.job import JobError, JobProgress
-from server.base.job_per_key import JobPerKey
+from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import conflict
 from server.base.study import worked_out
 from server.base.worker import WorkerPool
@@ -34,7 +33,7 @@ from server.map.comparison import map_group
 from server.map.event import DivesSmoothed
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
-from server.map.samples import field_samples, in_moving_water
+from server.map.samples import field_samples, in_moving_water, map_columns
 from server.map.task import LEARN_FIELD, LearningProblem
 from server.map.view import LearnedView
 
@@ -100,7 +99,7 @@ class MapLearning:
             self._is_beginning = False
 
     async def _new_samples(self, robot: str, group: MapGroup) -> int:
-        """Return how many samples came since a map's kernels were last learned."""
+        """Return how many samples were taken since a map's kernels were last learned."""
         total = 0 if group.live is None else group.live.total
         key = _key(group)
         if key not in self._learned_at:
@@ -109,7 +108,7 @@ class MapLearning:
             new = total
             if learned_at is not None:
                 new = await self._store.query(
-                    lambda session: count_received(
+                    lambda session: count_since(
                         session, group.robots, group.config.variable, learned_at
                     )
                 )
@@ -131,7 +130,7 @@ class MapLearning:
             if self._maps.version(one) != (found.id or "preset"):
                 raise JobError(f"The map of {one} is being made with other settings; learn again.")
         columns = await self._store.query(
-            lambda session: sample_columns(session, group.robots, group.config.variable)
+            lambda session: map_columns(session, group.robots, group.channel, group.spans)
         )
         carrier = self._maps.carrier(group)
 

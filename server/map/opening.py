@@ -5,7 +5,7 @@ import logging
 
 from autonomy.planner.config import PlannerConfig
 from db.fault import StoreError
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from server.base.foundation import Foundation
 from server.map.field_maps import FieldMaps
 from server.map.group import MapSettings, field_config_of
@@ -35,9 +35,11 @@ class MapOpening:
             book = self._foundation.configurations
             planner = (await book.current("planner", robot.id)).value_as(PlannerConfig)
             found = await book.current("field", robot.id)
-            config = field_config_of(found, planner)
+            channels = self._foundation.channels.catalogue
+            config = field_config_of(found, planner, channels)
             settings = MapSettings(
                 config=config.model_copy(update={"threshold": None}),
+                channel=channels[config.variable],
                 domain=planner.domain,
                 version=found.id or "preset",
                 threshold=config.threshold,

@@ -10,10 +10,10 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import VARIABLES
+from autonomy.channel import Channel
 from db.column import microseconds
-from db.query import studies as query
-from db.query.maps import MapRecord
+from db.query.measured.maps import MapRecord
+from db.query.mission import studies as query
 from server.map.field_model import MODEL_TITLES
 from server.map.view import KeptComparison, ScoresView
 from webui.scene.source import MapView
@@ -50,12 +50,12 @@ def record_of(robot: str, view: MapView, scores: ScoresView | None, at: datetime
     )
 
 
-def view_of(record: MapRecord) -> MapView:
+def view_of(record: MapRecord, channel: Channel) -> MapView:
     """Return a kept map as arrays."""
     arrays = _unpacked(record.grid)
     return _view(
         record.document,
-        record.variable,
+        channel,
         record.model,
         arrays["mean"],
         arrays["std"],
@@ -104,13 +104,15 @@ def keep_comparison(
     )
 
 
-def newest_comparison(session: Session, robots: Iterable[str], variable: str) -> Comparison | None:
-    """Return the newest comparison of a variable that was kept for any of some robots."""
+def newest_comparison(
+    session: Session, robots: Iterable[str], channel: Channel
+) -> Comparison | None:
+    """Return the newest comparison of a channel that was kept for any of some robots."""
     kept = [
         record
         for robot in robots
         for record in query.list_studies(session, _COMPARISON, robot)
-        if record.asked["variable"] == variable
+        if record.asked["variable"] == channel.key
     ]
     if not kept:
         return None
@@ -118,20 +120,20 @@ def newest_comparison(session: Session, robots: Iterable[str], variable: str) ->
     record = query.get_study(session, _COMPARISON, newest)
     packed = query.get_arrays(session, _COMPARISON, newest)
     found = KeptComparison.model_validate(record.result)
-    return _comparison_of(record.created_at, variable, found, _unpacked(packed or b""))
+    return _comparison_of(record.created_at, channel, found, _unpacked(packed or b""))
 
 
 def _comparison_of(
-    compared_at: datetime, variable: str, found: KeptComparison, arrays: Mapping[str, FloatArray]
+    compared_at: datetime, channel: Channel, found: KeptComparison, arrays: Mapping[str, FloatArray]
 ) -> Comparison:
     document = found.model_dump()
     return Comparison(
         compared_at,
         found,
         views={
-            (variable, one.model): _view(
+            (channel.key, one.model): _view(
                 document,
-                variable,
+                channel,
                 one.model,
                 arrays[f"{one.model}.mean"],
                 arrays[f"{one.model}.std"],
@@ -152,7 +154,7 @@ def axes_of(view: MapView) -> dict[str, list[float]]:
 
 def _view(
     document: Mapping[str, Any],
-    variable: str,
+    channel: Channel,
     model: str,
     mean: FloatArray,
     std: FloatArray,
@@ -163,9 +165,8 @@ def _view(
 ) -> MapView:
     x_m, y_m, z_m = (np.array(document["axes"][name]) for name in ("x_m", "y_m", "z_m"))
     shape = (len(x_m), len(y_m), len(z_m))
-    known = VARIABLES[variable]
     return MapView(
-        variable=replace(known, scale=document.get("scale", known.scale)),
+        variable=replace(channel, scale=document.get("scale", channel.scale)),
         model=model,
         title=MODEL_TITLES.get(model, model),
         x_m=x_m,

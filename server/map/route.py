@@ -1,30 +1,40 @@
 """Field maps as arrays, comparisons of their models, and learning."""
 
 import asyncio
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Response
 
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.measured.maps import maps_of_deployment
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.dependency import FoundationDep, service
+from server.base.dependency import DeploymentDep, FoundationDep, period_of, service
+from server.base.foundation import Foundation
 from server.base.problem import not_found
 from server.base.view import encoded
 from server.fleet.dependency import FleetDep
+from server.map.choice import MapChoices
 from server.map.comparison import MapComparisons
 from server.map.export import ORDER, MapExport, archive, table
 from server.map.field_maps import FieldMaps
+from server.map.group import MapKey
 from server.map.learning import MapLearning
+from server.map.record import scores_of, view_of
 from server.map.threshold import ThresholdShares
 from server.map.view import (
     AxesView,
     FieldMapView,
+    MapChoiceView,
     MapComparisonView,
     MapEntryView,
     MapJobView,
     SampleCountView,
+    ScoresView,
     ShareAboveView,
 )
 from webui.scene.source import MapView
@@ -34,6 +44,7 @@ router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class
 MapComparisonsDep = Annotated[MapComparisons, Depends(service(MapComparisons))]
 MapLearningDep = Annotated[MapLearning, Depends(service(MapLearning))]
 ThresholdSharesDep = Annotated[ThresholdShares, Depends(service(ThresholdShares))]
+MapChoicesDep = Annotated[MapChoices, Depends(service(MapChoices))]
 FieldMapsDep = Annotated[FieldMaps, Depends(service(FieldMaps))]
 
 
@@ -49,13 +60,19 @@ class MapFormat(StrEnum):
 
 @router.get("")
 async def list_maps(
-    caller: Viewer, robot: str, fleet: FleetDep, maps: FieldMapsDep
+    caller: Viewer,
+    robot: str,
+    fleet: FleetDep,
+    maps: FieldMapsDep,
+    foundation: FoundationDep,
+    deployment: DeploymentDep,
 ) -> list[MapEntryView]:
     """Return which variables of a robot are mapped, and by which models."""
     del caller
     fleet.status(robot)
     entries: dict[str, MapEntryView] = {}
-    for (key, model), view in maps.views(robot).items():
+    shown = await _shown(maps, robot, foundation, deployment)
+    for (key, model), view in shown.views.items():
         if key in entries:
             entries[key].models.append(model)
             entries[key].titles[model] = view.title or model
@@ -72,6 +89,26 @@ async def list_maps(
     return list(entries.values())
 
 
+@router.get("/choices")
+async def list_choices(caller: Viewer, robot: str, choices: MapChoicesDep) -> list[MapChoiceView]:
+    """Return the channels of which the map of a robot can be, by what its water's robots told."""
+    del caller
+    return await choices.offered(robot)
+
+
+@router.put("/choice/{variable}")
+async def choose_variable(
+    caller: Pilot, robot: str, variable: str, choices: MapChoicesDep
+) -> list[MapChoiceView]:
+    """Let the map of a robot, and its surveys, be of another channel.
+
+    It becomes a new version of the `field` settings: the newest that the robot had for the channel,
+    or the present ones with mean and variance of what was measured.
+    """
+    await choices.choose(robot, variable, caller.name)
+    return await choices.offered(robot)
+
+
 @router.get(
     "/{variable}",
     response_model=FieldMapView,
@@ -84,22 +121,27 @@ async def get_map(
     fleet: FleetDep,
     maps: FieldMapsDep,
     foundation: FoundationDep,
+    deployment: DeploymentDep,
     model: Annotated[
         str | None,
         Query(description="By default the live one; the others are of the newest comparison."),
     ] = None,
     format: Annotated[MapFormat, Query()] = MapFormat.JSON,
 ) -> Response:
-    """Return mean and standard deviation on the map's grid; nothing where there is no water."""
+    """Return mean and standard deviation on the map's grid; nothing where there is no water.
+
+    Of a deployment that is over, the map as it was in the end.
+    """
     del caller
     record = fleet.status(robot).record
-    view = _find(maps, robot, variable, model)
+    shown = await _shown(maps, robot, foundation, deployment)
+    view = _find(shown, robot, variable, model)
     export = MapExport(
         robot=robot,
-        site=record.site,
+        site=record.site if deployment is None else deployment.site,
         view=view,
-        config_version=maps.version(robot),
-        smoothed=_smoothed(maps, robot),
+        config_version=None if shown.is_past else maps.version(robot),
+        smoothed=0 if shown.is_past else _smoothed(maps, robot),
         is_simulation=foundation.settings.simulation or record.simulated,
     )
     if format is MapFormat.NPZ:
@@ -108,7 +150,7 @@ async def get_map(
     if format is MapFormat.CSV:
         content = (await asyncio.to_thread(table, export)).encode()
         return _file(content, "text/csv; charset=utf-8", export.name("csv"))
-    answer = encoded(_map_view(maps, export))
+    answer = encoded(_map_view(maps, export, shown))
     answer.headers.update(_named(export.name("json")))
     return answer
 
@@ -169,8 +211,35 @@ async def start_learning(
     return MapJobView(await learning.start(robot, variable, by=caller.name))
 
 
-def _find(maps: FieldMaps, robot: str, variable: str, model: str | None) -> MapView:
-    views = maps.views(robot)
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """The maps that a route tells of."""
+
+    views: Mapping[MapKey, MapView]
+    scores: Mapping[MapKey, ScoresView]
+    is_past: bool
+    """Whether they are of a deployment that is over."""
+
+
+async def _shown(
+    maps: FieldMaps, robot: str, foundation: Foundation, deployment: DeploymentRecord | None
+) -> _Shown:
+    """Return the maps of a robot: those of now, or as they were when a deployment ended."""
+    period_of(deployment, robot)
+    if deployment is None or deployment.ended_at is None or deployment.kind == "recorded":
+        return _Shown(maps.views(robot), maps.scores(robot), is_past=False)
+    kept = await foundation.store.query(lambda session: maps_of_deployment(session, deployment))
+    known = foundation.channels.catalogue
+    views = {
+        (one.variable, one.model): view_of(one, known[one.variable])
+        for one in kept
+        if one.variable in known
+    }
+    return _Shown(views, scores_of(kept), is_past=True)
+
+
+def _find(shown: _Shown, robot: str, variable: str, model: str | None) -> MapView:
+    views = shown.views
     for (key, of_model), view in views.items():
         if key == variable and model in {None, of_model}:
             return view
@@ -184,7 +253,7 @@ def _smoothed(maps: FieldMaps, robot: str) -> int:
     return 0 if samples is None else int(np.count_nonzero(samples.is_smoothed))
 
 
-def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
+def _map_view(maps: FieldMaps, export: MapExport, shown: _Shown) -> FieldMapView:
     robot, view = export.robot, export.view
     variable = view.variable
     wet = np.isfinite(view.mean)
@@ -195,6 +264,8 @@ def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
         unit=variable.unit,
         scale=variable.scale,
         value_unit=export.value_unit,
+        colour_map=variable.colour_map,
+        is_derived=variable.is_derived,
         model=view.model,
         site=export.site.name,
         origin_latitude_deg=export.site.origin_latitude_deg,
@@ -208,13 +279,13 @@ def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
         mask=None if wet.all() else wet.ravel().tolist(),
         samples=SampleCountView(export.samples, list(view.samples_per_level)),
         smoothed_samples=export.smoothed,
-        models=[model for key, model in maps.views(robot) if key == variable.key],
+        models=[model for key, model in shown.views if key == variable.key],
         config_version=export.config_version,
-        carriage=maps.carriage(robot),
-        water_moved=maps.water_moved(robot),
+        carriage="still" if shown.is_past else maps.carriage(robot),
+        water_moved="" if shown.is_past else maps.water_moved(robot),
         simulation=export.is_simulation,
         updated_at=view.updated_at,
-        scores=maps.scores(robot).get((variable.key, view.model)),
+        scores=shown.scores.get((variable.key, view.model)),
         threshold=maps.threshold(robot),
     )
 

@@ -4,32 +4,70 @@ Which robots share a water, ``server.fleet.water`` says.
 """
 
 import logging
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from sqlalchemy.orm import Session
 
-from autonomy.arrays import IntArray
+from autonomy.arrays import BoolArray, IntArray
+from autonomy.channel import Channel
 from autonomy.field.carriage import Carrier, carried
 from autonomy.field.config import FieldConfig
 from autonomy.field.samples import FieldSamples
+from autonomy.seawater import DERIVED
 from autonomy.site import Box
-from db.query.samples import SampleColumns, sample_columns
+from db.column import microseconds
+from db.deployment_span import LiveSpan
+from db.query.fleet.deployments import joint_spans
+from db.query.measured.derived import derived_columns
+from db.query.measured.samples import SampleColumns, sample_columns
 from server.fleet.water import site_robots
 
 log = logging.getLogger(__name__)
 
+_NEVER_US = np.iinfo(np.int64).max
 _DIVES_PER_ROBOT = 1 << 32
 """Numbers of dives of different robots lie this far apart."""
 
 
-def site_samples(session: Session, robot: str, variable: str) -> FieldSamples:
-    """Return every sample of a variable that belongs to the map of a robot, in order of time.
+def site_samples(session: Session, robot: str, channel: Channel) -> FieldSamples:
+    """Return every believable sample of a channel for the map of a robot, in order of time.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
     robots = site_robots(session, robot)
-    return field_samples(sample_columns(session, robots, variable))
+    within = joint_spans(session, robots)
+    return field_samples(map_columns(session, robots, channel, within))
+
+
+def map_columns(
+    session: Session, robots: Sequence[str], channel: Channel, within: Mapping[str, LiveSpan]
+) -> SampleColumns:
+    """Return what robots measured of a channel in deployments, without values it cannot have.
+
+    What none of them measured is derived, where that can be.
+    """
+    columns = sample_columns(session, robots, channel.key, within=within)
+    if not len(columns) and channel.key in DERIVED:
+        derived = derived_columns(session, robots, channel.key)
+        columns = derived.chosen(_taken_in(derived, robots, within))
+    can_be = (columns.value >= channel.low) & (columns.value <= channel.high)
+    return columns if can_be.all() else columns.chosen(can_be)
+
+
+def _taken_in(
+    columns: SampleColumns, robots: Sequence[str], within: Mapping[str, LiveSpan]
+) -> BoolArray:
+    """Return which measurements were taken in these deployments, shape ``(n,)``."""
+    taken = np.zeros(len(columns), dtype=np.bool_)
+    for place, robot in enumerate(robots):
+        span = within.get(robot)
+        if span is not None:
+            begun = columns.measured_at_us >= microseconds(span.started_at)
+            end_us = _NEVER_US if span.ended_at is None else microseconds(span.ended_at)
+            taken |= (columns.robot == place) & begun & (columns.measured_at_us < end_us)
+    return taken
 
 
 def field_samples(columns: SampleColumns) -> FieldSamples:

@@ -12,15 +12,15 @@ from functools import reduce
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import Channel
 from autonomy.field.carriage import WARNED_SHARE, Carrier, Drifted, drifted
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
 from autonomy.field.live.live_map import LiveMap, Prediction
 from autonomy.field.samples import FieldSamples, joined
-from autonomy.field.variable import VARIABLES
 from autonomy.site import Box
 from db.column import moment
-from db.query.samples import SampleColumns
+from db.query.measured.samples import SampleColumns
 from robot_link.messages import Sample
 from server.fleet.current_words import metres
 from server.map.field_model import MODEL_TITLES
@@ -62,15 +62,22 @@ class SiteMap:
 
     Args:
         config: The model, with the fidelity thresholds that hold.
+        channel: What it maps.
         grid: Where it is kept up to date.
         robots: Whose samples it takes, in the order in which they were added to the station.
         version: Count of the changes of the map that it takes the place of.
     """
 
     def __init__(
-        self, config: FieldConfig, grid: Grid, robots: tuple[str, ...], version: int = 0
+        self,
+        config: FieldConfig,
+        channel: Channel,
+        grid: Grid,
+        robots: tuple[str, ...],
+        version: int = 0,
     ) -> None:
         self.config = config
+        self.channel = channel
         self.grid = grid
         self.robots = robots
         self.version = version
@@ -92,6 +99,7 @@ class SiteMap:
     def from_columns(
         cls,
         config: FieldConfig,
+        channel: Channel,
         grid: Grid,
         robots: tuple[str, ...],
         columns: SampleColumns,
@@ -103,6 +111,7 @@ class SiteMap:
 
         Args:
             config: As for a map without samples.
+            channel: As for a map without samples.
             grid: As for a map without samples.
             robots: As for a map without samples.
             columns: The samples.
@@ -111,7 +120,7 @@ class SiteMap:
                 are carried by it.
             domain: What is mapped; needed with a carrier.
         """
-        site_map = cls(config, grid, robots, version)
+        site_map = cls(config, channel, grid, robots, version)
         for robot, log, sequence in zip(
             columns.robot.tolist(), columns.log.tolist(), columns.sequence.tolist(), strict=True
         ):
@@ -207,6 +216,7 @@ class SiteMap:
         kept = self._live.samples
         self.view = view_on_grid(
             self.config,
+            self.channel,
             self.grid,
             self._live.mean,
             self._live.std,
@@ -229,6 +239,7 @@ def _last_dive(samples: FieldSamples) -> FieldSamples:
 
 def view_on_grid(
     config: FieldConfig,
+    channel: Channel,
     grid: Grid,
     mean: FloatArray,
     std: FloatArray,
@@ -240,7 +251,8 @@ def view_on_grid(
     """Return a map as it is shown: no numbers where there is no water.
 
     Args:
-        config: Names variable, model and scale.
+        config: Names model and scale.
+        channel: What it is of.
         grid: The points.
         mean: Shape ``(q,)``, in the model's scale.
         std: Shape ``(q,)``.
@@ -248,7 +260,7 @@ def view_on_grid(
         version: Changes whenever the arrays do.
         updated_at: When the newest of its samples was taken.
     """
-    variable = dataclasses.replace(VARIABLES[config.variable], scale=config.resolved_scale())
+    variable = dataclasses.replace(channel, scale=config.resolved_scale())
     return MapView(
         variable=variable,
         model=config.model,

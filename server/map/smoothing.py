@@ -19,9 +19,8 @@ from autonomy.arrays import FloatArray, spaced
 from autonomy.estimation.fix_watch import FixWatch
 from autonomy.estimation.smoother import Dive, finished_dives, smooth_dive
 from db.column import moment
-from db.query.current_reports import believed_currents
-from db.query.events import add_event
-from db.query.smoothing import (
+from db.query.measured.current_reports import believed_currents
+from db.query.measured.smoothing import (
     SmoothedPlace,
     TrackColumns,
     keep_smoothed,
@@ -29,6 +28,7 @@ from db.query.smoothing import (
     track_columns,
     unjudged_span,
 )
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import Sample

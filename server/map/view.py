@@ -56,6 +56,10 @@ class FieldMapView(View):
     """``log``: mean and std are those of the natural logarithm of the value."""
     value_unit: str
     """Unit of mean and std: that of the variable, or of its logarithm."""
+    colour_map: Annotated[str, one_of("viridis", "cividis", "magma")]
+    """Of the mean, as the catalogue of channels has it."""
+    is_derived: bool
+    """Whether the variable was computed ashore of what robots measured."""
     model: str
     site: str
     origin_latitude_deg: float
@@ -90,6 +94,20 @@ class FieldMapView(View):
     scores: ScoresView | None
     threshold: float | None = None
     """What the robot's settings hold the map against, in ``unit``."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapChoiceView(View):
+    """A channel that robots of a water have told or announced, and that can be mapped."""
+
+    variable: str
+    title: str
+    unit: str
+    samples: int
+    is_derived: bool
+    """Whether it is computed ashore of what they measured."""
+    is_chosen: bool
+    """Whether the map is of it now."""
 
 
 @dataclass(frozen=True, slots=True)

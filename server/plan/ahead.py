@@ -8,7 +8,7 @@ from autonomy.arrays import FloatArray
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import POINT_DOWN, POINT_EAST, POINT_NORTH, POINT_TIME
 from autonomy.planner.plan import Leg
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.messages import PlanReport
 from server.plan.document import legs_of, points_of, report_of
 from server.plan.expected import expected_ends_s, expected_of

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from autonomy.arrays import FloatArray
 from autonomy.planner.leg.edge import POINT_STD
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from db.record import same
 from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.mission import Mission, MissionSettings

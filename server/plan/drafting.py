@@ -13,7 +13,7 @@ from autonomy.planner.work import joules_per_unit
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.glide import NoSteadyGlideError
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff

@@ -13,7 +13,7 @@ from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from autonomy.vehicle.trim import TrimConfig
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.dry_run import DRY_RUN, DryRun, DryRunProblem
 from robot_link.mission import Mission, MissionSettings
 from server.base.vehicle_catalogue import nearest_built_in

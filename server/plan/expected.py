@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.check.clearance import clearance_m
+from autonomy.outline import Outline
+from autonomy.planner.check.clearance import nearest_m
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import POINT_DOWN, POINT_STD, POINT_TIME
+from autonomy.planner.leg.waterway import closed_areas
 from autonomy.planner.plan import Leg, PrimitiveKind
-from autonomy.site import Area, Site
+from autonomy.site import Site
 from robot_link.messages import RobotMode
 from server.plan.view import NearestView, ViolationView
 
@@ -85,24 +87,28 @@ def judged(
         site: The water with its shoreline and floor.
     """
     nearest = [
-        _nearest(area, expected, margin_m=config.margin_m, side=side)
-        for area, side in _borders(config, site)
+        _nearest(name, area, expected, margin_m=config.margin_m, side=side)
+        for name, area, side in _borders(config, site)
     ]
     broken = [*_too_near(nearest), *_beyond(expected, site), *_over(expected, duration_s, config)]
     return {"nearest": [asdict(one) for one in nearest], "broken": [asdict(one) for one in broken]}
 
 
-def _borders(config: PlannerConfig, site: Site) -> list[tuple[Area, float]]:
+def _borders(config: PlannerConfig, site: Site) -> list[tuple[str, Outline, float]]:
     """Return what must be kept away from; 1 for what to stay out of, -1 for what to stay in."""
-    inside = [] if site.shoreline is None else [(site.shoreline, -1.0)]
-    return [*((area, 1.0) for area in config.keep_outs), *inside]
+    borders = [(area.name, area.outline, 1.0) for area in closed_areas(config, site)]
+    if site.shore is not None:
+        name = "Shore" if site.shoreline is None else site.shoreline.name
+        borders.append((name, site.shore, -1.0))
+    return borders
 
 
-def _nearest(area: Area, expected: FloatArray, *, margin_m: float, side: float) -> NearestView:
+def _nearest(
+    name: str, area: Outline, expected: FloatArray, *, margin_m: float, side: float
+) -> NearestView:
     """Return how near a track comes to the outline of an area; not above 0 if it crosses that."""
-    deepest = float((side * area.distance_m(expected[:, 1], expected[:, 2])).min())
-    distance = min(deepest, clearance_m(area, expected[:, 1:3]))
-    return NearestView(area.name, round(distance, 3), margin_m, is_shore=side < 0.0)
+    distance = nearest_m(area, expected[:, 1:3], side)
+    return NearestView(name, round(distance, 3), margin_m, is_shore=side < 0.0)
 
 
 def _too_near(nearest: Sequence[NearestView]) -> list[ViolationView]:

@@ -13,6 +13,7 @@ from autonomy.planner.plan import Leg, PrimitiveKind
 from server.base.foundation import Foundation
 from server.current.currents import Currents
 from server.current.flow import ellipse_90
+from server.current.words import tellers
 
 _LONGER = 1.5
 """A table goes on for so many times the expected duration of its round."""
@@ -53,7 +54,7 @@ class PlanFlows:
         from_s = self._clock.now().timestamp() + ahead_s
         until_s = from_s + _LONGER * round_duration_s(config)
         flow = await asyncio.to_thread(tabulate, known, config.domain, from_s, until_s)
-        text = f"Planned in the current that {flow.dives} dives tell of."
+        text = f"Planned in the current that {tellers(self._currents.of(robot), flow)} of."
         return PlannedCurrent(_with_flow(config, flow.model_dump()), text)
 
     async def surfacings(

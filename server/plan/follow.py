@@ -7,8 +7,8 @@ from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
-from db.query.plans import PlanRecord, plan_by_hash
-from db.query.telemetry import flown_legs, newest_plan_report, track
+from db.query.measured.telemetry import flown_legs, newest_plan_report, track
+from db.query.mission.plans import PlanRecord, plan_by_hash
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanHash, PlanReport
 from server.base.retry_queue import RetryQueue

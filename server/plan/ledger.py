@@ -8,8 +8,8 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from db.query import plans as query
-from db.query.plans import PlanRecord, PlanStateError
+from db.query.mission import plans as query
+from db.query.mission.plans import PlanRecord, PlanStateError
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet

@@ -16,7 +16,7 @@ from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanSta
 from autonomy.tracking.config import TrackingConfig
 from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
-from db.query.plans import PlanRecord, PlanStateError
+from db.query.mission.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.foundation import Foundation

@@ -11,8 +11,8 @@ from autonomy.field.config import FieldConfig
 from autonomy.field.samples import FieldSamples
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
-from db.query.missions import OPEN_STATES, get_mission
-from db.query.plans import PlanRecord, list_plans
+from db.query.mission.missions import OPEN_STATES, get_mission
+from db.query.mission.plans import PlanRecord, list_plans
 from robot_link.messages import PlanReport
 from server.base.foundation import Foundation
 from server.current.currents import Currents
@@ -82,15 +82,15 @@ class RoundProblems:
 
     async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
         found = await self._foundation.configurations.current("field", robot)
-        return field_config_of(found, planner)
+        return field_config_of(found, planner, self._foundation.channels.catalogue)
 
     async def samples(self, robot: str, planner: PlannerConfig, field: FieldConfig) -> FieldSamples:
         """Return the samples of a robot's water, where the map has them that is planned for."""
-        variable = self._fleet.status(robot).record.site.variable
+        channel = self._foundation.channels.get(field.variable).channel
         taken = await self._foundation.store.query(
-            lambda session: site_samples(session, robot, variable)
+            lambda session: site_samples(session, robot, channel)
         )
-        carrier = self._currents.usable(robot)
+        carrier = self._currents.carrier(robot)
         return await asyncio.to_thread(in_moving_water, taken, field, carrier, planner.domain)
 
     async def _planned(self, robot: str, config: PlannerConfig) -> FloatArray:

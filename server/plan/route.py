@@ -5,10 +5,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query
 
-from db.query.plans import PlanRecord, list_plans
+from db.query.mission.plans import PlanRecord, list_plans
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.dependency import StoreDep, service
+from server.base.dependency import DeploymentDep, StoreDep, period_of, service
 from server.base.view import View
 from server.fleet.dependency import FleetDep
 from server.plan.document import plan_summary
@@ -41,6 +41,7 @@ async def list_robot_plans(
     robot: str,
     store: StoreDep,
     fleet: FleetDep,
+    deployment: DeploymentDep,
     state: Annotated[str | None, Query(description="Plans in this state only.")] = None,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 50,
@@ -49,8 +50,11 @@ async def list_robot_plans(
     del caller
     fleet.status(robot)
     states = None if state is None else (state,)
+    period = period_of(deployment, robot)
     plans = await store.query(
-        lambda session: list_plans(session, robot=robot, states=states, before=before, limit=limit)
+        lambda session: list_plans(
+            session, robot=robot, states=states, period=period, before=before, limit=limit
+        )
     )
     return [plan_summary(plan) for plan in plans]
 

@@ -11,9 +11,10 @@ from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
+from server.fleet.capability import refuse_unless_able
 from server.fleet.current_words import metres
+from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
-from server.fleet.recorded import refuse_recording
 from server.fleet.status import RobotStatus
 
 _DECIMALS = 4
@@ -74,6 +75,7 @@ class PlanSettings:
         """
         status = self._fleet.status(robot)
         refuse_recording(status, "flies no plans")
+        refuse_unless_able(status, "adaptive_survey")
         self.refuse_while_storage_fails()
         try:
             wanted = await self._foundation.configurations.merged("planner", robot, patch)

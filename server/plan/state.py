@@ -33,9 +33,9 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from db.query import plans as query
-from db.query.events import add_event
-from db.query.plans import PlanRecord, PlanStateError
+from db.query.mission import plans as query
+from db.query.mission.plans import PlanRecord, PlanStateError
+from db.query.station.events import add_event
 from db.writer import tell_after_commit
 from server.base.transition_table import transitions
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from autonomy.planner.config import PlannerConfig, exploitation_at
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 
 AHEAD_OF = "ahead_of"
 """Key of a plan's document: the plan whose end it begins at, until the survey goes on with it."""

@@ -10,7 +10,7 @@ from autonomy.arrays import FloatArray
 from autonomy.site import Site
 from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.station.gateway.address import acoustic_address, is_acoustic
 from server.fleet.status import SURFACE_DEPTH_M, RobotStatus
 from server.plan.view import ViolationView
@@ -262,9 +262,8 @@ def in_water(site: Site, north_m: float, east_m: float, margin_m: float = 0.0) -
     """Tell whether a point of the surface is water, or at most so far outside of it."""
     if not site.water.contains(north_m, east_m, 0.0, margin_m):
         return False
-    if site.shoreline is None:
-        return True
-    return float(site.shoreline.distance_m(north_m, east_m)) <= margin_m
+    shore = site.shore
+    return shore is None or float(shore.distance_m(north_m, east_m)) <= margin_m
 
 
 def water_text(site: Site) -> str:

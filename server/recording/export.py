@@ -1,8 +1,8 @@
 """Writes a deployment to files that other programs read."""
 
 import json
-from collections.abc import Generator, Iterable
-from dataclasses import astuple
+from collections.abc import Generator, Iterable, Mapping
+from dataclasses import astuple, dataclass
 from itertools import groupby, islice
 from typing import Any
 from xml.sax.saxutils import escape
@@ -10,17 +10,20 @@ from xml.sax.saxutils import escape
 import numpy as np
 from sqlalchemy.orm import Session
 
-from autonomy.field.variable import VARIABLES
+from autonomy.channel import Channel
 from autonomy.frames import wgs84_from_ned
+from autonomy.seawater import DERIVED, can_derive
 from autonomy.site import Site
-from db.column import microseconds
-from db.query.actuator_reports import iterate_actuator_reports
-from db.query.deployments import DeploymentRecord
-from db.query.robots import RobotRecord
-from db.query.samples import SampleRecord, iterate_samples, sampled_variables
-from db.query.telemetry import track
+from db.column import microseconds, moment
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.measured.actuator_reports import iterate_actuator_reports
+from db.query.measured.derived import derived_columns
+from db.query.measured.samples import SampleRecord, iterate_samples, sampled_variables
+from db.query.measured.telemetry import track
 from robot_link.report import ActuatorReport
-from server.recording.table import COMMENT, POSITION_COLUMNS
+from server.base.channels import catalogue_in
+from server.recording.table import COMMENT, DERIVED_COLUMN, POSITION_COLUMNS
 
 TRACK_POINTS_MAX = 50_000
 _BLOCK_ROWS = 500
@@ -36,28 +39,98 @@ ACTUATOR_COLUMNS = (
 """Columns of a file about actuators; what is not known is left empty."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """What was measured at one moment, and what follows of it."""
+
+    at_us: int
+    latitude_deg: float
+    longitude_deg: float
+    depth_m: float
+    values: Mapping[str, float]
+    """By the keys of their channels."""
+
+
+class _Measured:
+    """The samples of a deployment with their derived channels, read block by block."""
+
+    def __init__(self, session: Session, deployment: DeploymentRecord, robot: RobotRecord) -> None:
+        self._session, self._deployment, self._robot = session, deployment, robot
+        start, end, log = deployment.begun_at, deployment.last_at, deployment.log
+        self.variables = deployment.variables or tuple(
+            sorted(sampled_variables(session, robot.id, start=start, end=end, log=log))
+        )
+        derived = {
+            key: derived_columns(session, (robot.id,), key, start, end, log)
+            for key in DERIVED
+            if can_derive(key, set(self.variables))
+        }
+        self.computed = {
+            key: dict(zip(found.measured_at_us.tolist(), found.value.tolist(), strict=True))
+            for key, found in derived.items()
+        }
+        """Values by the time of their samples, by channel."""
+        known = catalogue_in(session)
+        self.channels = {
+            key: known[key] for key in (*self.variables, *self.computed) if key in known
+        }
+
+    def blocks(self) -> Generator[list[_Row]]:
+        """Yield what was measured, in the order of time."""
+        deployment = self._deployment
+        samples = iterate_samples(
+            self._session,
+            self._robot.id,
+            start=deployment.begun_at,
+            end=deployment.last_at,
+            log=deployment.log,
+        )
+        moments = (list(one) for _, one in groupby(samples, key=lambda one: one.measured_at))
+        while block := list(islice(moments, _BLOCK_ROWS)):
+            places = _wgs84(deployment.site, [samples[0].position_ned for samples in block])
+            yield [self._row(one, *place) for one, place in zip(block, places, strict=True)]
+
+    def _row(self, samples: list[SampleRecord], latitude_deg: float, longitude_deg: float) -> _Row:
+        at_us = microseconds(samples[0].measured_at)
+        values = {sample.variable: sample.value for sample in samples}
+        values |= {key: found[at_us] for key, found in self.computed.items() if at_us in found}
+        return _Row(at_us, latitude_deg, longitude_deg, samples[0].position_ned[2], values)
+
+
 def csv_blocks(
     session: Session, deployment: DeploymentRecord, robot: RobotRecord
 ) -> Generator[str]:
     """Yield the deployment's samples as CSV that ``grace import`` takes back."""
-    start, end, log = deployment.started_at, deployment.ended_at, deployment.log
-    variables = deployment.variables or tuple(
-        sorted(sampled_variables(session, robot.id, start=start, end=end, log=log))
+    measured = _Measured(session, deployment, robot)
+    units = ", ".join(
+        f"{DERIVED_COLUMN if key in measured.computed else ''}{_unit_of(channel)}"
+        for key, channel in measured.channels.items()
     )
-    units = ", ".join(f"{key} {VARIABLES[key].unit}" for key in variables if key in VARIABLES)
+    derived = tuple(f"{DERIVED_COLUMN}{key}" for key in measured.computed)
+    columns = (*POSITION_COLUMNS, *measured.variables, *derived)
     yield _mark(robot) + (
         f"{COMMENT} {robot.id}, {deployment.id}: time Unix s (UTC), latitude deg, longitude deg, "
-        f"depth m (positive down), {units}\n" + ",".join((*POSITION_COLUMNS, *variables)) + "\n"
+        f"depth m (positive down), {units}\n" + ",".join(columns) + "\n"
     )
-    samples = iterate_samples(session, robot.id, start=start, end=end, log=log)
-    block: list[list[SampleRecord]] = []
-    for _, together in groupby(samples, key=lambda sample: sample.measured_at):
-        block.append(list(together))
-        if len(block) == _BLOCK_ROWS:
-            yield _csv_rows(block, robot.site, variables)
-            block = []
-    if block:
-        yield _csv_rows(block, robot.site, variables)
+    keys = (*measured.variables, *measured.computed)
+    for block in measured.blocks():
+        yield "".join(_csv_row(row, keys) for row in block)
+
+
+def _csv_row(row: _Row, keys: Iterable[str]) -> str:
+    cells = [
+        f"{row.at_us / 1e6:.6f}",
+        f"{row.latitude_deg:.8f}",
+        f"{row.longitude_deg:.8f}",
+        f"{row.depth_m:.3f}",
+        *(repr(row.values[key]) if key in row.values else "" for key in keys),
+    ]
+    return ",".join(cells) + "\n"
+
+
+def _unit_of(channel: Channel) -> str:
+    name = "" if channel.standard_name is None else f" ({channel.standard_name})"
+    return f"{channel.key} {channel.unit}{name}"
 
 
 def actuator_csv_blocks(
@@ -68,7 +141,7 @@ def actuator_csv_blocks(
         f"{COMMENT} {robot.id}, {deployment.id}: times Unix s (UTC), rates as a share of the "
         "nominal one, delays s\n" + ",".join(ACTUATOR_COLUMNS) + "\n"
     )
-    start, end = deployment.started_at, deployment.ended_at
+    start, end = deployment.begun_at, deployment.last_at
     reports = iterate_actuator_reports(session, robot.id, start, end)
     while block := list(islice(reports, _BLOCK_ROWS)):
         yield "".join(map(_actuator_row, block))
@@ -115,33 +188,86 @@ def kml(session: Session, deployment: DeploymentRecord, robot: RobotRecord) -> s
     )
 
 
+def geojson_sample_blocks(
+    session: Session, deployment: DeploymentRecord, robot: RobotRecord
+) -> Generator[str]:
+    """Yield the samples as a GeoJSON collection of points, with values by channel."""
+    measured = _Measured(session, deployment, robot)
+    head = {
+        "name": deployment.title,
+        "robot": robot.id,
+        "deployment": deployment.id,
+        "simulation": robot.simulated,
+        "units": {key: channel.unit for key, channel in measured.channels.items()},
+        "derived": list(measured.computed),
+    }
+    yield f'{{"type": "FeatureCollection", "properties": {json.dumps(head)}, "features": ['
+    comma = ""
+    for block in measured.blocks():
+        yield comma + ",\n".join(json.dumps(_point(row)) for row in block)
+        comma = ",\n"
+    yield "]}\n"
+
+
+def _point(row: _Row) -> dict[str, Any]:
+    place = [round(row.longitude_deg, 8), round(row.latitude_deg, 8), -round(row.depth_m, 3)]
+    return {
+        "type": "Feature",
+        "geometry": {"type": "Point", "coordinates": place},
+        "properties": {"time": moment(row.at_us).isoformat(), **row.values},
+    }
+
+
+def kml_sample_blocks(
+    session: Session, deployment: DeploymentRecord, robot: RobotRecord
+) -> Generator[str]:
+    """Yield the samples as KML placemarks, with values by channel as their extended data."""
+    measured = _Measured(session, deployment, robot)
+    mark = "SIMULATION: " if robot.simulated else ""
+    fields = "".join(
+        f'<SimpleField type="double" name="{key}">'
+        f"<displayName>{escape(_named(channel, key in measured.computed))}</displayName>"
+        "</SimpleField>"
+        for key, channel in measured.channels.items()
+    )
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
+        f'<name>{escape(mark + deployment.title)}</name><Schema id="sample">{fields}</Schema>\n'
+    )
+    for block in measured.blocks():
+        yield "".join(map(_placemark, block))
+    yield "</Document></kml>\n"
+
+
+def _named(channel: Channel, is_derived: bool) -> str:
+    return f"{channel.title}, {channel.unit}" + (", derived" if is_derived else "")
+
+
+def _placemark(row: _Row) -> str:
+    values = "".join(
+        f'<SimpleData name="{key}">{value!r}</SimpleData>' for key, value in row.values.items()
+    )
+    place = f"{row.longitude_deg:.8f},{row.latitude_deg:.8f},{-row.depth_m:.3f}"
+    return (
+        f"<Placemark><TimeStamp><when>{moment(row.at_us).isoformat()}</when></TimeStamp>"
+        f'<ExtendedData><SchemaData schemaUrl="#sample">{values}</SchemaData></ExtendedData>'
+        "<Point><altitudeMode>absolute</altitudeMode>"
+        f"<coordinates>{place}</coordinates></Point></Placemark>\n"
+    )
+
+
 def _mark(robot: RobotRecord) -> str:
     return f"{COMMENT} SIMULATION: this robot does not exist\n" if robot.simulated else ""
-
-
-def _csv_rows(block: list[list[SampleRecord]], site: Site, variables: tuple[str, ...]) -> str:
-    places = _wgs84(site, [samples[0].position_ned for samples in block])
-    lines: list[str] = []
-    for samples, (latitude_deg, longitude_deg) in zip(block, places, strict=True):
-        values = {sample.variable: sample.value for sample in samples}
-        cells = [
-            f"{microseconds(samples[0].measured_at) / 1e6:.6f}",
-            f"{latitude_deg:.8f}",
-            f"{longitude_deg:.8f}",
-            f"{samples[0].position_ned[2]:.3f}",
-            *(repr(values[key]) if key in values else "" for key in variables),
-        ]
-        lines.append(",".join(cells) + "\n")
-    return "".join(lines)
 
 
 def _track(
     session: Session, deployment: DeploymentRecord, robot: RobotRecord
 ) -> tuple[list[list[float]], list[str]]:
     points = track(
-        session, robot.id, deployment.started_at, deployment.ended_at, TRACK_POINTS_MAX
+        session, robot.id, deployment.begun_at, deployment.last_at, TRACK_POINTS_MAX
     ).points
-    places = _wgs84(robot.site, [point.position_ned for point in points])
+    places = _wgs84(deployment.site, [point.position_ned for point in points])
     coordinates = [
         [longitude_deg, latitude_deg, -point.position_ned[2]]
         for point, (latitude_deg, longitude_deg) in zip(points, places, strict=True)

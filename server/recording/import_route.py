@@ -2,16 +2,14 @@
 
 import asyncio
 import os
-import shutil
-import tempfile
 from dataclasses import dataclass
-from typing import IO, Annotated
+from typing import Annotated
 
 from fastapi import APIRouter, Form, UploadFile
 
 from server.access.dependency import Pilot
 from server.base.dependency import FoundationDep
-from server.base.job import JobProgress
+from server.base.job import JobProgress, kept_upload
 from server.base.text import shown
 from server.base.view import View
 from server.recording.intake import ImportOrder, ImportResult, run_import
@@ -45,7 +43,7 @@ async def start_import(
     With ``policy=skip`` broken rows are left out and named in the job's result; with
     ``policy=refuse`` one broken row refuses the whole file. Nothing is ever imported by half.
     """
-    kept = await asyncio.to_thread(_copied, file.file)
+    kept = await asyncio.to_thread(kept_upload, file.file)
     order = ImportOrder(
         file=kept,
         size=os.fstat(kept.fileno()).st_size,
@@ -53,6 +51,7 @@ async def start_import(
         robot=robot,
         policy=policy,
         by=caller.name,
+        channels=foundation.channels.catalogue,
     )
     store, clock = foundation.store, foundation.clock
 
@@ -62,12 +61,3 @@ async def start_import(
 
     job = await foundation.jobs.start("import", work, by=caller.name)
     return ImportView(job.id)
-
-
-def _copied(source: IO[bytes]) -> IO[bytes]:
-    """Copy an upload into a nameless file: the request's own is gone before the job has read it."""
-    kept = tempfile.TemporaryFile()  # noqa: SIM115 - closed by the job
-    source.seek(0)
-    shutil.copyfileobj(source, kept)
-    kept.seek(0)
-    return kept

@@ -1,9 +1,9 @@
 """Puts the capability together."""
 
 from server.base.foundation import Foundation
-from server.recording import deployment_route, import_route, journal_route
+from server.recording import export_route, import_route, journal_route
 
-ROUTERS = (journal_route.router, import_route.router, deployment_route.router)
+ROUTERS = (journal_route.router, import_route.router, export_route.router)
 
 
 def install(foundation: Foundation) -> None:

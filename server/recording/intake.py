@@ -5,29 +5,27 @@ after another on a data folder that no station uses.
 """
 
 import asyncio
-import threading
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import IO, NotRequired, TypeVar
+from typing import IO
 
 import numpy as np
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
-from db.query.deployments import (
-    DeploymentExistsError,
-    DeploymentRecord,
-    note_on_deployment,
-)
-from db.query.events import add_event
-from db.query.maps import MapRecord, add_map
-from db.query.robots import get_robot
+from autonomy.channel import ChannelCatalogue
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.recordings import DeploymentExistsError, note_on_deployment
+from db.query.fleet.robots import get_robot
+from db.query.measured.maps import MapRecord, add_map
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
-from server.base.job import JobError, JobProgress
+from server.base.job import JobError, JobProgress, ThreadWork
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.recording.keep import ImportStoppedError, keep_recording, positions_ned, recording_log
+from server.deployment.view import RecordedScores
+from server.recording.keep import keep_recording, positions_ned, recording_log
 from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
 from server.recording.table import (
     Policy,
@@ -37,25 +35,6 @@ from server.recording.table import (
     RowFault,
     read_recording,
 )
-
-T = TypeVar("T")
-
-
-class RecordedScores(TypedDict):
-    """How well the map of one variable predicts samples that were held out."""
-
-    variable: str
-    model: str
-    title: str
-    unit: NotRequired[str]
-    rmse: float
-    rmse_in_std: NotRequired[float]
-    nlpd: float
-    wmse: float
-    coverage_90: float
-    samples: int
-    held_out: NotRequired[int]
-    message: NotRequired[str]
 
 
 class BrokenRow(TypedDict):
@@ -110,6 +89,8 @@ class ImportOrder:
     robot: str
     policy: Policy
     by: str
+    channels: ChannelCatalogue
+    """What can be measured."""
 
 
 async def run_import(
@@ -120,44 +101,28 @@ async def run_import(
     Raises:
         JobError: If the file was refused; the result names each broken row.
     """
-    loop, stop = asyncio.get_running_loop(), threading.Event()
+    thread = ThreadWork(progress)
 
     def told(share: float) -> None:
-        if stop.is_set():
-            raise ImportStoppedError
-        loop.call_soon_threadsafe(progress.report, share * READ_SHARE, "Reading the file")
+        thread.report(share * READ_SHARE, "Reading the file")
 
-    recording, log = await _stoppable(asyncio.to_thread(read_order, order, told), stop)
+    recording, log = await thread.result(asyncio.to_thread(read_order, order, told))
     progress.report(READ_SHARE, f"Keeping {len(recording.time_s)} rows")
     at = clock.now()
     try:
-        deployment = await _stoppable(
-            store.write(lambda s: keep_order(s, order, recording, log, at, stop.is_set)), stop
+        deployment = await thread.result(
+            store.write(lambda s: keep_order(s, order, recording, log, at, thread.go_on))
         )
     except DeploymentExistsError as error:
         raise JobError(str(error)) from error
     progress.report(KEPT_SHARE, "Learning the maps")
-    problem = await store.query(lambda session: fit_problem(session, order.robot, recording))
+    problem = await store.query(lambda session: fit_problem(session, order, recording))
     outcomes = await _fit_in_worker(problem, progress)
     at = clock.now()
     await store.write(lambda s: keep_maps(s, order.robot, deployment.id, outcomes, at))
     left_out = len(recording.skipped)
     progress.report(1.0, f"Imported {deployment.rows} rows as {deployment.id}; {left_out} left out")
     return import_result(deployment, recording, outcomes)
-
-
-async def _stoppable(work: Coroutine[object, object, T], stop: threading.Event) -> T:
-    """Await work of another thread; where that is cancelled, have it stop and wait until it has.
-
-    Otherwise the thread would go on with a file that is closed, or hold up everybody's writing.
-    """
-    task = asyncio.ensure_future(work)
-    try:
-        return await asyncio.shield(task)
-    except asyncio.CancelledError:
-        stop.set()
-        await asyncio.wait([task])
-        raise
 
 
 def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, int]:
@@ -168,9 +133,13 @@ def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, in
     """
     try:
         log = recording_log(order.file)
-        return read_recording(order.file, order.size, order.policy, on_progress), log
+        return _recording(order, on_progress), log
     except RecordingError as error:
         raise JobError(str(error), ImportRefusal(errors=fault_documents(error.faults))) from error
+
+
+def _recording(order: ImportOrder, on_progress: Progress) -> Recording:
+    return read_recording(order.file, order.size, order.policy, order.channels, on_progress)
 
 
 def keep_order(
@@ -179,13 +148,13 @@ def keep_order(
     recording: Recording,
     log: int,
     at: datetime,
-    is_stopped: Callable[[], bool] = lambda: False,
+    go_on: Callable[[], None] = lambda: None,
 ) -> DeploymentRecord:
     """Keep the rows, all of them or none.
 
     Raises:
         DeploymentExistsError: If this very file is there already.
-        ImportStoppedError: If ``is_stopped`` says so meanwhile.
+        WorkStoppedError: If ``go_on`` says so.
     """
     return keep_recording(
         session,
@@ -195,14 +164,16 @@ def keep_order(
         log=log,
         at=at,
         by=order.by,
-        is_stopped=is_stopped,
+        go_on=go_on,
     )
 
 
-def fit_problem(session: Session, robot: str, recording: Recording) -> FitProblem:
-    """Return what the map's fit needs of a recording that is kept."""
-    points = positions_ned(get_robot(session, robot).site, recording)
-    return FitProblem(np.ascontiguousarray(points), dict(recording.values))
+def fit_problem(session: Session, order: ImportOrder, recording: Recording) -> FitProblem:
+    """Return what the maps' fit needs of a recording that is kept."""
+    points = positions_ned(get_robot(session, order.robot).site, recording)
+    channels = {key: order.channels[key] for key in recording.values}
+    mapped = {key: values for key, values in recording.values.items() if channels[key].can_map}
+    return FitProblem(np.ascontiguousarray(points), mapped, channels)
 
 
 def keep_maps(

@@ -11,7 +11,7 @@ from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 from sqlalchemy.orm import Session
 
-from db.query.journal import JournalRange, iterate_frames
+from db.query.station.journal import JournalRange, iterate_frames
 from db.record import same
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame

@@ -10,14 +10,15 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import VARIABLES
 from autonomy.frames import ned_from_wgs84
 from autonomy.site import Box, Site
 from db.fault import UnknownIdError
-from db.query.deployments import DeploymentRecord, RecordedRow, add_recording
-from db.query.events import add_event
-from db.query.robots import RobotRecord, add_robot, change_robot, get_robot
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.recordings import RecordedRow, add_recording
+from db.query.fleet.robots import RobotRecord, add_robot, change_robot, get_robot
+from db.query.station.events import add_event
 from robot_link.messages import RobotId
+from server.base.channels import catalogue_in
 from server.recording.table import Recording
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -25,12 +26,8 @@ _MARGIN_M = 1.0
 _BLOCK_BYTES = 1 << 20
 
 
-class ImportStoppedError(Exception):
-    """Nobody wants the recording any more; nothing of it is kept."""
-
-
-def _never() -> bool:
-    return False
+def _go_on() -> None:
+    return None
 
 
 def recording_log(file: IO[bytes]) -> int:
@@ -55,7 +52,7 @@ def keep_recording(
     log: int,
     at: datetime,
     by: str,
-    is_stopped: Callable[[], bool] = _never,
+    go_on: Callable[[], None] = _go_on,
 ) -> DeploymentRecord:
     """Keep a recording, all of it or nothing, in the caller's transaction.
 
@@ -64,10 +61,12 @@ def keep_recording(
 
     Raises:
         DeploymentExistsError: If this very file is there already.
-        ImportStoppedError: If ``is_stopped`` says so meanwhile.
+        WorkStoppedError: If ``go_on``, which is called before every row, says so.
     """
     variables = tuple(recording.values)
-    record = _robot(session, robot, recording, next(iter((*variables, *VARIABLES))), at)
+    known = catalogue_in(session)
+    mapped = next(key for key in (*variables, *known) if known[key].can_map)
+    record = _robot(session, robot, recording, mapped, at)
     positions = positions_ned(record.site, recording)
     if record.kind == "recorded":
         water = _union(record.site.water, _box_around(positions))
@@ -76,7 +75,7 @@ def keep_recording(
     deployment = add_recording(
         session,
         robot,
-        _rows(recording, positions, is_stopped),
+        _rows(recording, positions, go_on),
         title=title,
         log=log,
         variables=variables,
@@ -143,15 +142,14 @@ def _robot(
 
 
 def _rows(
-    recording: Recording, positions: FloatArray, is_stopped: Callable[[], bool]
+    recording: Recording, positions: FloatArray, go_on: Callable[[], None]
 ) -> Generator[RecordedRow]:
     values = _rows_of(recording.values, len(positions))
     flight = _rows_of(recording.flight, len(positions))
     for time_s, position, row, flown in zip(
         recording.time_s.tolist(), positions.tolist(), values, flight, strict=True
     ):
-        if is_stopped():
-            raise ImportStoppedError
+        go_on()
         north_m, east_m, depth_m = position
         told = zip(recording.flight, flown, strict=True)
         yield RecordedRow(

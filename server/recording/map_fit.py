@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import Channel
 from autonomy.field.grid import Grid
 from autonomy.field.learning.recorded import RecordedFit, fit_recording, recorded_map
-from autonomy.field.variable import VARIABLES
 
 TASK = f"{__name__}:run"
 """Name of the task for ``server.base.worker``."""
@@ -25,6 +25,8 @@ class FitProblem:
     """NED, shape ``(n, 3)``, m."""
     values: dict[str, FloatArray]
     """By variable, each of shape ``(n,)``."""
+    channels: dict[str, Channel]
+    """What they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +59,18 @@ def run(
     for index, (variable, values) in enumerate(problem.values.items()):
         if is_cancelled():
             break
-        title = VARIABLES[variable].title.lower()
+        channel = problem.channels[variable]
+        title = channel.title.lower()
         report((index / len(problem.values), f"Learning the map of {title}"))
         try:
-            outcomes.append(_fitted(variable, problem.points, values))
+            outcomes.append(_fitted(channel, problem.points, values))
         except ValueError as error:
             outcomes.append(FitFailure(variable, str(error)))
     return outcomes
 
 
-def _fitted(variable: str, points: FloatArray, values: FloatArray) -> FittedMap:
-    fit = fit_recording(variable, points, values, np.random.default_rng(_SEED))
+def _fitted(channel: Channel, points: FloatArray, values: FloatArray) -> FittedMap:
+    fit = fit_recording(channel, points, values, np.random.default_rng(_SEED))
     live_map = recorded_map(fit, points, values)
     packed = io.BytesIO()
     np.savez_compressed(
@@ -76,24 +79,24 @@ def _fitted(variable: str, points: FloatArray, values: FloatArray) -> FittedMap:
     grid = Grid.over(fit.box, fit.config.grid)
     axes = {"x_m": grid.x_m.tolist(), "y_m": grid.y_m.tolist(), "z_m": grid.z_m.tolist()}
     return FittedMap(
-        variable=variable,
+        variable=channel.key,
         samples=sum(live_map.samples_per_level),
         document={
             "config": fit.config.model_dump(mode="json"),
             "box": fit.box.model_dump(mode="json"),
             "axes": axes,
-            "scores": scores_document(fit),
+            "scores": scores_document(fit, channel),
         },
         grid=packed.getvalue(),
     )
 
 
-def scores_document(fit: RecordedFit) -> dict[str, Any]:
+def scores_document(fit: RecordedFit, channel: Channel) -> dict[str, Any]:
     """Return the hold-out scores of a fit as a document; the error also in the model's scale."""
     return {
         "model": fit.config.model,
-        "title": f"{VARIABLES[fit.config.variable].title}, held out",
-        "unit": _unit(fit.config.variable),
+        "title": f"{channel.title}, held out",
+        "unit": f"log {channel.unit}" if channel.scale == "log" else channel.unit,
         "rmse": fit.scores.rmse * fit.value_std,
         "rmse_in_std": fit.scores.rmse,
         "nlpd": fit.scores.nlpd,
@@ -103,8 +106,3 @@ def scores_document(fit: RecordedFit) -> dict[str, Any]:
         "held_out": fit.test,
         "message": fit.message,
     }
-
-
-def _unit(variable_key: str) -> str:
-    variable = VARIABLES[variable_key]
-    return f"log {variable.unit}" if variable.scale == "log" else variable.unit

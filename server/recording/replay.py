@@ -5,21 +5,24 @@ which the station had it, and what no robot can have measured is left out as it 
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from autonomy.channel import ChannelCatalogue, key_at_station
 from db.current_tables import CurrentReportRow
 from db.ingest import Telemetry, append_telemetry
 from db.onboard_tables import ActuatorReportRow
-from db.query.journal import JournalRange, iterate_frames
-from db.query.plans import plan_by_hash
-from db.query.robots import RobotRecord, add_robot, list_robots
+from db.query.fleet.robots import RobotRecord, add_robot, list_robots
+from db.query.mission.plans import plan_by_hash
+from db.query.station.journal import JournalRange, iterate_frames
+from db.sample_tables import ChannelRow, ReadingRow, SampleLog, SampleRow
 from db.store import Store
-from db.tables import Base, PlanReportRow, Robot, SampleRow, StateRow
+from db.tables import Base, PlanReportRow, Robot, StateRow
 from db.target_tables import TargetReportRow
+from robot_link.channel_table import ChannelPage, TableVersion
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
@@ -34,6 +37,9 @@ from robot_link.messages import (
 from robot_link.report import (
     ActuatorReport,
     CurrentReport,
+    Detection,
+    Reading,
+    ReceiverReport,
     RobotReport,
     SatelliteReport,
     TargetReport,
@@ -41,10 +47,14 @@ from robot_link.report import (
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
+from server.base.channels import catalogue_in
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.plausibility import (
     fault_of_actuators,
     fault_of_current,
+    fault_of_detection,
+    fault_of_reading,
+    fault_of_receiver,
     fault_of_sample,
     fault_of_state,
     fault_of_target,
@@ -54,12 +64,15 @@ from server.satellite.content import values_of
 TABLES: tuple[type[Base], ...] = (
     StateRow,
     SampleRow,
+    ReadingRow,
     PlanReportRow,
     TargetReportRow,
     CurrentReportRow,
     ActuatorReportRow,
 )
 """What is built from the journal."""
+_OWN_KEYS = {"robot_key", "channel_key", "log_key"}
+"""Columns that mean nothing outside of their database."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
 """What a robot says of an offer concerns its upload alone."""
@@ -85,6 +98,7 @@ class Replay:
         speed: Seconds of the robots' clock per second of the wall, as it was then.
         key: Returns the key by which a robot proves its satellite messages.
         find_plan: Returns the full hash of a robot's plan by its first digits.
+        channels: What the station knows to be measured.
     """
 
     def __init__(
@@ -93,8 +107,10 @@ class Replay:
         speed: float,
         key: Callable[[str], bytes],
         find_plan: Callable[[str, str], PlanHash | None],
+        channels: ChannelCatalogue,
     ) -> None:
         self._robots = robots
+        self._channels = channels
         self._speed = speed
         self._key = key
         self._find_plan = find_plan
@@ -113,9 +129,23 @@ class Replay:
             is_radio = frame.carrier not in SATELLITE_CARRIERS
             told = self._by_radio if is_radio else self._by_satellite
             for value in told(frame, robot, robot.system_id):
-                timed = self._timed(value, is_prompt=is_radio)
-                if self._is_believable(timed, robot, frame):
+                if isinstance(value, ChannelPage | TableVersion):
+                    continue  # what channels mean was judged as the values came
+                timed = self._known(self._timed(value, is_prompt=is_radio))
+                if timed is not None and self._is_believable(timed, robot, frame):
                     yield timed
+
+    def _known(self, value: RobotReport) -> RobotReport | None:
+        """Return a report with its channel's key, ``None`` of one that the catalogue lacks."""
+        match value:
+            case Sample():
+                key = key_at_station(value.variable, self._channels)
+                return None if key is None else replace(value, variable=key)
+            case Reading():
+                key = key_at_station(value.channel, self._channels)
+                return None if key is None else replace(value, channel=key)
+            case _:
+                return value
 
     def _by_radio(
         self, frame: RawFrame, robot: RobotRecord, system: SystemId
@@ -127,7 +157,9 @@ class Replay:
                 value = decoded(message, robot.id, frame.at)
             except ValueError:
                 continue
-            if _is_kept(value):
+            if isinstance(value, tuple):
+                yield from value
+            elif _is_kept(value):
                 yield value
 
     def _by_satellite(
@@ -161,12 +193,18 @@ class Replay:
                 return fault_of_state(value, robot.site, frame.at, self._speed) is None
             case Sample():
                 return fault_of_sample(value, robot.site, frame.at, self._speed) is None
+            case Reading():
+                return fault_of_reading(value, frame.at, self._speed) is None
             case TargetReport():
                 return fault_of_target(value, robot.site, frame.at, self._speed) is None
             case CurrentReport():
                 return fault_of_current(value, frame.at, self._speed) is None
             case ActuatorReport():
                 return fault_of_actuators(value, frame.at, self._speed) is None
+            case Detection():
+                return fault_of_detection(value, robot.site, frame.at, self._speed) is None
+            case ReceiverReport():
+                return fault_of_receiver(value, frame.at, self._speed) is None
             case PlanReport():
                 return True
 
@@ -197,7 +235,7 @@ def replay_into(source: Session, target: Store, speed: float, key: Callable[[str
         found = plan_by_hash(source, robot, digits)
         return None if found is None or found.sha256 is None else PlanHash(found.sha256)
 
-    replay = Replay(robots, speed, key, find_plan)
+    replay = Replay(robots, speed, key, find_plan, catalogue_in(source))
     batch: list[Telemetry] = []
     for value in replay.values(iterate_frames(source, JournalRange(incoming_only=True))):
         batch.append(value)
@@ -226,12 +264,18 @@ def _compare_table(stored: Session, replayed: Session, table: type[Base]) -> Tab
 
 
 def _rows(session: Session, table: type[Base]) -> set[tuple[Any, ...]]:
-    columns = [column for column in table.__table__.columns if column.name != "robot_key"]
+    columns = [column for column in table.__table__.columns if column.name not in _OWN_KEYS]
     statement = (
         select(Robot.id, *columns)
         .join(Robot, table.__table__.c.robot_key == Robot.key)
         .where(Robot.system_id.is_not(None))
     )
+    if table in {SampleRow, ReadingRow}:
+        channel = ChannelRow.key == table.__table__.c.channel_key
+        statement = statement.join(ChannelRow, channel).add_columns(ChannelRow.name)
+    if table is SampleRow:
+        statement = statement.join(SampleLog, SampleLog.key == SampleRow.log_key)
+        statement = statement.add_columns(SampleLog.log)
     return {tuple(map(_hashable, row)) for row in session.execute(statement)}
 
 

@@ -11,12 +11,12 @@ from typing import IO
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import VARIABLES
-from robot_link.channel import Channel
+from autonomy.channel import Channel, ChannelCatalogue
 from robot_link.messages import STATE
+from robot_link.report_field import ReportField
 
 POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
-FLIGHT_COLUMNS: Mapping[str, Channel] = MappingProxyType(
+FLIGHT_COLUMNS: Mapping[str, ReportField] = MappingProxyType(
     {channel.display_key: channel for channel in STATE.channels if channel.recorded is not None}
 )
 """How the vehicle flew, by the name in a file's header, which says the unit that gliders' logs
@@ -24,6 +24,8 @@ usually have. Roll is positive to starboard, pitch nose up, net buoyancy heavy, 
 forward. A row with a ``position_std_m`` has a position fix of that standard deviation; an empty
 cell of any of them says that this row does not tell. With all of them a recording can be held
 against a model."""
+DERIVED_COLUMN = "derived_"
+"""Begins the name of a column that was computed of others; it is not read, but computed again."""
 DEPTH_MAX_M = 11_000.0
 TIME_MIN_S = 0.0
 TIME_MAX_S = 4_102_444_800.0
@@ -111,12 +113,16 @@ Progress = Callable[[float], None]
 
 
 def read_recording(
-    file: IO[bytes], size: int, policy: Policy, on_progress: Progress | None = None
+    file: IO[bytes],
+    size: int,
+    policy: Policy,
+    channels: ChannelCatalogue,
+    on_progress: Progress | None = None,
 ) -> Recording:
     """Read a file with the columns ``time, latitude, longitude, depth``, and what was measured.
 
     Times are Unix seconds, UTC; depth is in metres, positive down; variables are in the units of
-    ``autonomy.field.variable``, and ``FLIGHT_COLUMNS`` tell how the vehicle flew. A cell that is
+    the catalogue of channels, and ``FLIGHT_COLUMNS`` tell how the vehicle flew. A cell that is
     empty (of the flight it may be), not a number or out of its range, a time that does not ascend,
     and a row that repeats another are faults of their row.
     Empty lines, and lines that begin with ``#``, mean nothing.
@@ -125,6 +131,7 @@ def read_recording(
         file: The file, at its beginning.
         size: Its length in bytes, for the progress.
         policy: What to do with faults.
+        channels: What can be measured.
         on_progress: Told how much of the file is read.
 
     Raises:
@@ -136,14 +143,15 @@ def read_recording(
         for number, line in enumerate(_lines(file, size, on_progress or _ignore), start=1)
         if line.strip() and not line.startswith(COMMENT)
     )
-    measured = _measured(_cells(next(lines, (1, ""))[1]))
+    measured = _measured(_cells(next(lines, (1, ""))[1]), channels)
+    columns = (*POSITION_COLUMNS, *measured)
     found: list[tuple[int, Row]] = []
     faults: list[RowFault] = []
     for number, line in lines:
         if len(found) + len(faults) >= ROWS_MAX:
             raise RecordingError(f"The file has more than {ROWS_MAX:,} rows; cut it into parts.")
         try:
-            found.append((number, _checked((*POSITION_COLUMNS, *measured), _cells(line))))
+            found.append((number, _checked(columns, _cells(line), channels)))
         except ValueError as error:
             faults.append(RowFault(number, str(error)))
     rows, misplaced = _in_order(found)
@@ -173,7 +181,11 @@ def _recording(
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
         depth_m=depth_m,
-        values={name: column for name, column in named.items() if name in VARIABLES},
+        values={
+            name: column
+            for name, column in named.items()
+            if name not in FLIGHT_COLUMNS and not name.startswith(DERIVED_COLUMN)
+        },
         flight={
             FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].display_factor
             for name, column in named.items()
@@ -183,10 +195,11 @@ def _recording(
     )
 
 
-def _checked(columns: tuple[str, ...], cells: list[str]) -> Row:
+def _checked(columns: tuple[str, ...], cells: list[str], channels: ChannelCatalogue) -> Row:
     if len(cells) != len(columns):
         raise ValueError(f"the row has {len(cells)} cells, the header {len(columns)}")
-    return tuple(_number(column, cell) for column, cell in zip(columns, cells, strict=True))
+    named = zip(columns, cells, strict=True)
+    return tuple(_number(column, cell, channels.get(column)) for column, cell in named)
 
 
 def _in_order(rows: list[tuple[int, Row]]) -> tuple[list[Row], list[RowFault]]:
@@ -218,7 +231,9 @@ def _misplaced(row: Row, earlier: tuple[int, Row] | None, later: tuple[int, Row]
     return f"the time is ahead of line {later[0]}, which follows"
 
 
-def _number(column: str, cell: str) -> float:
+def _number(column: str, cell: str, channel: Channel | None) -> float:
+    if column.startswith(DERIVED_COLUMN):
+        return math.nan
     if not cell:
         if column in FLIGHT_COLUMNS:
             return math.nan
@@ -232,7 +247,11 @@ def _number(column: str, cell: str) -> float:
     low, high = _RANGES.get(column, (-math.inf, math.inf))
     if not low <= value <= high:
         raise ValueError(f"{column} is {value:g}, outside {low:g} .. {high:g}")
-    if column in VARIABLES and VARIABLES[column].scale == "log" and value <= 0.0:
+    if channel is None:
+        return value
+    if fault := channel.fault(value):
+        raise ValueError(fault)
+    if channel.scale == "log" and channel.low >= 0.0 and value <= 0.0:
         raise ValueError(f"{column} is {value:g}, but must exceed 0")
     return value
 
@@ -250,16 +269,20 @@ _RANGES = {
 }
 
 
-def _measured(header: list[str]) -> tuple[str, ...]:
+def _measured(header: list[str], channels: ChannelCatalogue) -> tuple[str, ...]:
     if tuple(header[:4]) != POSITION_COLUMNS:
         raise RecordingError(
             f"The header must name the columns {','.join(POSITION_COLUMNS)} and then the "
             f"variables; it is {','.join(header)[:200]!r}."
         )
     measured = tuple(header[4:])
-    unknown = [name for name in measured if name not in VARIABLES and name not in FLIGHT_COLUMNS]
+    unknown = [
+        name
+        for name in measured
+        if not (name in channels or name in FLIGHT_COLUMNS or name.startswith(DERIVED_COLUMN))
+    ]
     if unknown or not measured:
-        known = ", ".join(f"{v.key} ({v.unit})" for v in VARIABLES.values())
+        known = ", ".join(f"{v.key} ({v.unit})" for v in channels.values())
         what = f"The variable {unknown[0]!r} is unknown" if unknown else "There is no variable"
         flight = ", ".join(FLIGHT_COLUMNS)
         raise RecordingError(f"{what}; after the position may come {known}, and {flight}.")

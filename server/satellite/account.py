@@ -6,8 +6,8 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query.outbox import OutboxRecord, newest_outbox
-from db.query.satellite_messages import SENDING, messages_in
+from db.query.satellite.outbox import OutboxRecord, newest_outbox
+from db.query.satellite.satellite_messages import SENDING, messages_in
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind

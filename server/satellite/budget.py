@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy.orm import Session
 
-from db.query.satellite_messages import credits_spent
+from db.query.satellite.satellite_messages import credits_spent
 from robot_link.satellite.config import Tariff
 
 

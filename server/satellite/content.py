@@ -73,6 +73,10 @@ def values_of(
         told.append(content.target)
     if content.current is not None:
         told.append(content.current)
+    channels = content.channels
+    told.extend(one for one in (channels.page, channels.version) if one is not None)
+    told.extend(channels.readings)
+    told.extend(content.detections)
     told.extend(content.samples)
     return told
 
@@ -117,6 +121,13 @@ def _summary(content: MobileOriginatedContent) -> str:
         for ack in content.acks
     )
     parts.extend(f"order {one.number} {_OUTCOMES[one.outcome]}" for one in content.answers)
+    if content.detections:
+        parts.append(f"{len(content.detections)} heard tags")
+    if content.channels.page is not None:
+        page = content.channels.page
+        parts.append(f"channels, page {page.page + 1} of {page.pages}")
+    if content.channels.readings:
+        parts.append(f"{len(content.channels.readings)} readings of itself")
     if content.samples:
         parts.append(f"{len(content.samples)} samples")
     text = "; ".join(parts) or "nothing new"

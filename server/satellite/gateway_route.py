@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from starlette.requests import ClientDisconnect
 
 from db.fault import StoreError
-from db.query.events import add_event
+from db.query.station.events import add_event
 from robot_link.station.gateway import cloudloop, rockblock
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.station.gateway.push import PushRefusal

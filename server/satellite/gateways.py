@@ -17,8 +17,8 @@ from urllib.parse import urlsplit
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query.events import add_event
-from db.query.robots import list_robots
+from db.query.fleet.robots import list_robots
+from db.query.station.events import add_event
 from robot_link.clock import monotonic_s
 from robot_link.station.gateway.address import cloudloop_thing, is_satellite, satellite_address
 from robot_link.station.gateway.cloudloop import CloudloopGateway

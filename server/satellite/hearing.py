@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from db.query.inbox import newest_session
+from db.query.satellite.inbox import newest_session
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.station.gateway.gateway import MobileOriginated

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from sqlalchemy.orm import Session
 
 from db.ingest import append_telemetry
-from db.query import inbox as query
-from db.query.events import add_event
-from db.query.inbox import InboxRecord
-from db.query.outbox import OutboxRecord, get_outbox, open_outbox
-from db.query.plans import plan_by_hash
-from db.query.satellite_messages import message_of_mtmsn
+from db.query.mission.plans import plan_by_hash
+from db.query.satellite import inbox as query
+from db.query.satellite.inbox import InboxRecord
+from db.query.satellite.outbox import OutboxRecord, get_outbox, open_outbox
+from db.query.satellite.satellite_messages import message_of_mtmsn
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import PlanHash, RawFrame

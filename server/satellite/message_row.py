@@ -6,11 +6,11 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from db.ingest import append_telemetry
-from db.query import outbox as outbox_query
-from db.query import satellite_messages as query
-from db.query.events import add_event
-from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import SENDING, SatelliteMessage
+from db.query.satellite import outbox as outbox_query
+from db.query.satellite import satellite_messages as query
+from db.query.satellite.outbox import OutboxRecord
+from db.query.satellite.satellite_messages import SENDING, SatelliteMessage
+from db.query.station.events import add_event
 from robot_link.messages import RawFrame, RobotId
 from robot_link.station.gateway.gateway import Taken
 from server.fleet.words import carrier_title

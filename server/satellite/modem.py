@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from robot_link.messages import RobotId, SystemId
 from robot_link.station.gateway.address import is_satellite, satellite_address
 

@@ -14,8 +14,8 @@ from typing import Final, Protocol
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError, StoreUnavailableError
-from db.query.outbox import OutboxRecord, get_outbox, open_outbox
-from db.query.satellite_messages import SENDING, SatelliteMessage, messages_in
+from db.query.satellite.outbox import OutboxRecord, get_outbox, open_outbox
+from db.query.satellite.satellite_messages import SENDING, SatelliteMessage, messages_in
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.station.gateway.gateway import (

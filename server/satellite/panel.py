@@ -7,9 +7,9 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query.inbox import InboxRecord, inbox_of, inbox_sizes
-from db.query.outbox import OutboxRecord, get_outbox
-from db.query.satellite_messages import SatelliteMessage, messages_to
+from db.query.satellite.inbox import InboxRecord, inbox_of, inbox_sizes
+from db.query.satellite.outbox import OutboxRecord, get_outbox
+from db.query.satellite.satellite_messages import SatelliteMessage, messages_to
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.cost import credits
 from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView

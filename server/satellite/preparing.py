@@ -6,10 +6,10 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query import outbox as outbox_query
-from db.query import satellite_messages as query
-from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import SENDING
+from db.query.satellite import outbox as outbox_query
+from db.query.satellite import satellite_messages as query
+from db.query.satellite.outbox import OutboxRecord
+from db.query.satellite.satellite_messages import SENDING
 from robot_link.satellite.cost import credits
 from server.satellite.budget import budget_of
 from server.satellite.row_kind import Means, RowKinds

@@ -11,8 +11,8 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import SatelliteMessage
+from db.query.satellite.outbox import OutboxRecord
+from db.query.satellite.satellite_messages import SatelliteMessage
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.content import CommandAnswer, ShortPlanReport, TransferAck
 from server.satellite.ending import end_row

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from db.query.outbox import OutboxRecord
+from db.query.satellite.outbox import OutboxRecord
 from robot_link.messages import PlanReport
 from robot_link.report import SatelliteReport
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated

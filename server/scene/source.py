@@ -1,12 +1,14 @@
 """Gives the 3D scene what it may draw of each robot."""
 
+import math
+
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import Area, Site
 from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
-from db.query.plans import ENDED_STATES
+from db.query.mission.plans import ENDED_STATES
 from db.record import same
 from robot_link.messages import RobotId
 from robot_link.report import TargetReport
@@ -81,7 +83,19 @@ class StationSceneSource:
         state = self._status.state
         if state is None:
             return None
-        return same(Pose, state, is_old=self._fleet.is_old(self._status))
+        told = (state.roll_rad, state.pitch_rad, state.heading_rad, state.tail_rad)
+        roll, pitch, heading, tail = (0.0 if math.isnan(one) else one for one in told)
+        std_m = state.position_std_m if math.isfinite(state.position_std_m) else 0.0
+        return same(
+            Pose,
+            state,
+            position_std_m=std_m,
+            roll_rad=roll,
+            pitch_rad=pitch,
+            heading_rad=heading,
+            tail_rad=tail,
+            is_old=self._fleet.is_old(self._status),
+        )
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""
@@ -97,13 +111,15 @@ class StationSceneSource:
         return self._plan[2]
 
     def maps(self) -> tuple[str, ...]:
-        """Return the models of the site's variable, the default first."""
-        variable = self.site.variable
-        return tuple(model for key, model in self._maps.views(self._robot) if key == variable)
+        """Return the models of the map, the default first."""
+        views = self._maps.views(self._robot)
+        variable = next((key for key, _ in views), None)
+        return tuple(model for key, model in views if key == variable)
 
     def map_view(self, model: str) -> MapView | None:
-        """Return the newest map of the site's variable."""
-        return self._maps.views(self._robot).get((self.site.variable, model))
+        """Return the newest map of a model."""
+        views = self._maps.views(self._robot)
+        return next((view for (_, one), view in views.items() if one == model), None)
 
     def comparison(self) -> ComparisonView | None:
         """Return the what-if run to draw; the same object as long as nothing about it changed."""

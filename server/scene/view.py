@@ -37,6 +37,7 @@ class SceneColoursView(View):
     unit: str
     is_log: bool
     """Whether those are natural logarithms, or deviations of such."""
+    colour_map: Annotated[str, one_of("viridis", "cividis", "magma")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.result import Result
 from autonomy.whatif.result import ComparisonResult, Track
-from db.query import studies as query
+from db.query.mission import studies as query
 from db.store import Store
 from server.base.problem import Problem, conflict, not_found
 from server.base.study import study_as

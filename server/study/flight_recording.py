@@ -9,8 +9,8 @@ from autonomy.arrays import BoolArray
 from autonomy.identification.config import SegmentRules
 from autonomy.identification.recording import Recording
 from db.column import moment
-from db.query.deployments import DeploymentRecord, get_deployment, list_deployments
-from db.query.state_columns import StateColumns, begin_of_last_dives, state_columns
+from db.query.fleet.deployments import DeploymentRecord, get_deployment, list_deployments
+from db.query.measured.state_columns import StateColumns, begin_of_last_dives, state_columns
 from db.store import Store
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 
@@ -85,8 +85,8 @@ async def read_flight(
         Problem: 422 if the range is empty, 409 if nothing in it can be used or it is too long; the
             sentence says what is missing, or what to name.
     """
-    first = start or deployment.started_at
-    last = end or deployment.ended_at
+    first = start or deployment.begun_at
+    last = end or deployment.last_at
     if last is not None and first >= last:
         message = f"must be after {first.isoformat()}"
         raise unprocessable("1 field is wrong.", [FieldError(loc=["end"], msg=message)])
@@ -111,15 +111,15 @@ async def read_last_dives(
         lambda session: begin_of_last_dives(
             session,
             deployment.robot,
-            deployment.started_at,
-            deployment.ended_at,
+            deployment.begun_at,
+            deployment.last_at,
             dives=dives,
             surface_depth_m=rules.surface_depth_m,
             shortest_s=rules.shortest_segment_s,
             limit=ROWS_MAX,
         )
     )
-    if begin is None or begin == deployment.ended_at:
+    if begin is None or begin == deployment.last_at:
         return await read_flight(store, deployment)
     return await read_flight(store, deployment, begin)
 

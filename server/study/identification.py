@@ -16,10 +16,10 @@ from sqlalchemy.orm import Session
 from autonomy.identification.config import IdentificationConfig
 from autonomy.identification.result import CostPoint
 from autonomy.vehicle.parameter_file import vehicle_document, vehicle_from_document
-from db.query import studies as query
-from db.query.deployments import get_deployment
-from db.query.events import add_event
-from db.query.studies import StudyRecord
+from db.query.fleet.deployments import get_deployment
+from db.query.mission import studies as query
+from db.query.mission.studies import StudyRecord
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.problem import Problem, below, conflict

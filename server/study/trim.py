@@ -7,10 +7,10 @@ from sqlalchemy.orm import Session
 from autonomy.identification.config import IdentificationConfig
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimAdvice, TrimConfig, trim_flaw
-from db.query import studies as query
-from db.query.events import add_event
-from db.query.robots import get_robot
-from db.query.studies import StudyRecord
+from db.query.fleet.robots import get_robot
+from db.query.mission import studies as query
+from db.query.mission.studies import StudyRecord
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.problem import Problem, conflict, not_found

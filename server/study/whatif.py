@@ -14,13 +14,14 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif.config import ControllerChoice, TrialConfig
 from autonomy.whatif.result import Track
-from db.query.studies import StudyRecord
+from db.query.mission.studies import StudyRecord
 from server.base.configuration_kind import KINDS
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.study import Refusal, Studies, study_as
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.current.currents import Currents
+from server.current.words import tellers
 from server.fleet.fleet import Fleet
 from server.study.comparison_view import ShownWhatIfs
 from server.study.task import CHECK_WHATIF, WHATIF, WhatIfProblem
@@ -124,13 +125,13 @@ class WhatIfs(Studies[WhatIfProblem]):
         vehicle = vehicle_of(robot, self._fleet, self._vehicles)
         problem = await self._problem(robot, vehicle, scenario, controllers)
         await self._check(problem)
-        dives, flow = await self._flow(robot, problem.scenario)
+        who, flow = await self._flow(robot, problem.scenario)
         asked = WhatIfAsked(
             title=_title(problem),
             vehicle=vehicle.key,
             scenario=problem.scenario,
             controllers=list(problem.controllers),
-            current_text=f"Flown in the current that {dives} dives tell of." if flow else "",
+            current_text=f"Flown in the current that {who} of." if flow else "",
         )
         problem = replace(problem, flow=flow)
         record = await self._add(robot, asked, by)
@@ -192,8 +193,8 @@ class WhatIfs(Studies[WhatIfProblem]):
             raise unprocessable(f"{count} wrong.", errors)
         return WhatIfProblem(vehicle, config, tuple(choices))
 
-    async def _flow(self, robot: str, scenario: TrialConfig) -> tuple[int, FlowTable | None]:
-        """Return of how many dives the map of the current is that a run flies in, and its table.
+    async def _flow(self, robot: str, scenario: TrialConfig) -> tuple[str, FlowTable | None]:
+        """Return who tells of the current that a run flies in, and the table of its map.
 
         A run begins at the origin of its own frame, which is where the robot is.
 
@@ -201,7 +202,7 @@ class WhatIfs(Studies[WhatIfProblem]):
             Problem: 422 if the map tells too little, or the robot has not said where it is.
         """
         if scenario.disturbance.current_source != "map":
-            return 0, None
+            return "", None
         status, known = self._fleet.status(robot), self._currents.usable(robot)
         message = (
             "the map of the current tells too little yet; type one"
@@ -218,7 +219,7 @@ class WhatIfs(Studies[WhatIfProblem]):
         table, (north_m, east_m, _) = table_of(record), status.state.position_ned
         low_north_m, low_east_m, low_depth_m, from_s = table.low
         low = (low_north_m - north_m, low_east_m - east_m, low_depth_m, from_s)
-        return record.dives, table._replace(low=low)
+        return tellers(self._currents.of(robot), record), table._replace(low=low)
 
     async def _check(self, problem: WhatIfProblem) -> None:
         try:

@@ -4,9 +4,10 @@ import logging
 from dataclasses import asdict
 from typing import Any
 
+from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
-from db.query.missions import MissionRecord
-from db.query.robots import get_robot
+from db.query.fleet.robots import get_robot
+from db.query.mission.missions import MissionRecord
 from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
@@ -36,7 +37,7 @@ async def map_scores(
         WorkerEndedError: The process died.
     """
     settings = await foundation.configurations.current("field", robot)
-    field = field_config_of(settings, config)
+    field = field_config_of(settings, config, foundation.channels.catalogue)
     samples = await problems.samples(robot, config, field)
     record = await foundation.store.query(lambda s: get_robot(s, robot))
     problem = ComparisonProblem(
@@ -114,7 +115,8 @@ class SurveyMaps:
             await self._missions.advance(record.id, "done", f"{reason}.")
             return
         await self._missions.advance(record.id, "scoring", f"{reason}; scoring the map.")
-        variable = status.record.site.variable
+        field = await self._foundation.configurations.current("field", record.robot)
+        variable = field.value_as(FieldConfig).variable
         try:
             views = await map_scores(
                 self._foundation, self._problems, self._workers, record.robot, config

@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig, exploitation_at
 from db.fault import StoreError
-from db.query import missions as query
-from db.query.events import add_event
-from db.query.missions import MissionRecord
-from db.query.plans import PlanRecord, list_plans
+from db.query.mission import missions as query
+from db.query.mission.missions import MissionRecord
+from db.query.mission.plans import PlanRecord, list_plans
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.command.state import SurfaceOrdered

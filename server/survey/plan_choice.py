@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
 from server.fleet.fleet import Fleet

@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
-from db.query.missions import MissionRecord, get_mission
-from db.query.plans import PlanRecord
+from db.query.mission.missions import MissionRecord, get_mission
+from db.query.mission.plans import PlanRecord
 from robot_link.messages import PlanReport
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict

@@ -13,9 +13,9 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query.events import add_event
-from db.query.missions import change_mission, list_missions
-from db.query.plans import PlanRecord
+from db.query.mission.missions import change_mission, list_missions
+from db.query.mission.plans import PlanRecord
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.base.retry_queue import until_stored

@@ -6,12 +6,12 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query, Response
 
-from db.query.configurations import configuration_history, get_configuration
-from db.query.robots import list_robots
+from db.query.fleet.robots import list_robots
+from db.query.station.configurations import configuration_history, get_configuration
 from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.configuration import CurrentConfiguration
-from server.base.configuration_kind import KINDS, find_kind
+from server.base.configuration_kind import KINDS, find_kind, fits
 from server.base.dependency import FoundationDep, StoreDep
 from server.base.view import JsonSchema, SettingsDocument, SettingsPatch, View
 
@@ -69,8 +69,11 @@ class VersionView(View):
 async def list_kinds(caller: Viewer, store: StoreDep) -> list[KindView]:
     """Return which models there are."""
     del caller
-    robots = [str(robot.id) for robot in await store.query(list_robots) if robot.kind != "recorded"]
-    return [KindView(kind.key, kind.title, robots) for kind in KINDS.values()]
+    robots = [one for one in await store.query(list_robots) if one.kind != "recorded"]
+    return [
+        KindView(kind.key, kind.title, [str(one.id) for one in robots if fits(kind.key, one)])
+        for kind in KINDS.values()
+    ]
 
 
 @router.get("/versions/{version}")

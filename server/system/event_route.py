@@ -1,14 +1,15 @@
 """Everything that happened, in order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from db.query.events import EventRecord, events_after, last_cursor, newest_events
+from db.query.station.events import EventRecord, events_after, last_cursor, newest_events
 from server.access.dependency import Viewer
-from server.base.dependency import StoreDep
+from server.base.dependency import DeploymentDep, StoreDep, period_of
 from server.base.problem import conflict
 from server.base.view import CURSOR_MAX, EventData, View, one_of
 
@@ -41,6 +42,7 @@ class EventsView(View):
 async def list_events(
     caller: Viewer,
     store: StoreDep,
+    deployment: DeploymentDep,
     after: Annotated[
         int | None, Query(ge=0, le=CURSOR_MAX, description="Cursor to go on after.")
     ] = None,
@@ -49,10 +51,18 @@ async def list_events(
 ) -> EventsView:
     """Return the events after a cursor, or the newest ones where no cursor is given.
 
+    Of a deployment, the newest events of its robot in its time.
+
     A cursor that this log has not reached is refused: it comes from another database, and would
     wait for what it has missed already.
     """
     del caller
+    if deployment is not None:
+        period = period_of(deployment)
+        records = await store.query(
+            lambda s: newest_events(s, robot=deployment.robot, period=period, limit=limit)
+        )
+        return _page(records, after)
     if after is not None and after > (last := await store.query(last_cursor)):
         raise conflict(
             f"The log ends at {last}; the cursor {after} is of another one. Read without `after`."
@@ -61,6 +71,10 @@ async def list_events(
         records = await store.query(lambda s: newest_events(s, robot=robot, limit=limit))
     else:
         records = await store.query(lambda s: events_after(s, after, robot=robot, limit=limit))
+    return _page(records, after)
+
+
+def _page(records: Sequence[EventRecord], after: int | None) -> EventsView:
     last = records[-1].cursor if records else (after or 0)
     return EventsView([event_view(record) for record in records], last)
 

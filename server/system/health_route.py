@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError
-from db.query.robots import list_robots
+from db.query.fleet.robots import list_robots
 from server.access.dependency import AccessDep
 from server.base.dependency import FoundationDep
 from server.base.view import View, one_of
@@ -47,6 +47,8 @@ class HealthView(View):
     first_start: bool
     """Whether nobody can sign in yet: show the form that creates the first administrator."""
     simulation: bool
+    demo: bool
+    """Whether faults of simulated robots can be caused (`/api/demo/faults`)."""
     version: str
     storage: StorageView
     robots: int
@@ -69,6 +71,7 @@ async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView
         ready=fault is None,
         first_start=access.needs_first_admin,
         simulation=foundation.settings.simulation,
+        demo=foundation.settings.demo_port is not None,
         version=version("grace-ground-station"),
         storage=StorageView(fault is None, fault or "", store.waiting_rows),
         robots=robots,

@@ -1,8 +1,9 @@
 """Puts the capability together."""
 
-from server.base.event_bus import JobChanged
+from server.base.event_bus import ChannelsChanged, JobChanged
 from server.base.foundation import Foundation
 from server.system import (
+    channel_route,
     configuration_route,
     docs_route,
     event_route,
@@ -14,6 +15,7 @@ from server.system import (
 ROUTERS = (
     health_route.router,
     configuration_route.router,
+    channel_route.router,
     event_route.router,
     job_route.router,
     live_route.router,
@@ -22,9 +24,10 @@ ROUTERS = (
 
 
 def install(foundation: Foundation) -> None:
-    """Show jobs in the live stream."""
+    """Show jobs in the live stream, and tell there of a change of the catalogue of channels."""
     feed = foundation.feed
     foundation.services.add(feed)
+    foundation.bus.subscribe(ChannelsChanged, lambda _: feed.mark("channels"))
     foundation.bus.subscribe(
         JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job)
     )

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from db.query.jobs import JobRecord
-from db.query.jobs import list_jobs as query_jobs
+from db.query.station.jobs import JobRecord
+from db.query.station.jobs import list_jobs as query_jobs
 from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, WebSocket, WebSocketDisconnect
 
-from db.query.events import last_cursor
+from db.query.station.events import last_cursor
 from server.access.dependency import SignInWatchDep, WebSocketViewer
 from server.access.stream import serve_stream
 from server.base.dependency import StoreDep, service

@@ -5,9 +5,9 @@ from collections.abc import Generator
 from sqlalchemy.orm import Session
 
 from db.column import microseconds
-from db.query.robots import RobotRecord
-from db.query.target_reports import iterate_target_reports
-from db.query.target_span import TargetSpan
+from db.query.fleet.robots import RobotRecord
+from db.query.mission.target_reports import iterate_target_reports
+from db.query.mission.target_span import TargetSpan
 from robot_link.report import TargetEstimate, TargetReport
 from server.fleet.target_words import with_reasons
 

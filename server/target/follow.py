@@ -7,8 +7,8 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from autonomy.tracking.phase import TargetPhase
-from db.query.events import add_event
-from db.query.target_reports import has_ended_within, lost_since, newest_event_of
+from db.query.mission.target_reports import has_ended_within, lost_since, newest_event_of
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.report import TargetReport
 from server.base.retry_queue import RetryQueue

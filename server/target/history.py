@@ -4,9 +4,9 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from db.query.plans import get_plan, newest_begun
-from db.query.target_reports import target_reports
-from db.query.target_span import EVERYTHING, TargetSpan, range_of_plan
+from db.query.mission.plans import get_plan, newest_begun
+from db.query.mission.target_reports import target_reports
+from db.query.mission.target_span import EVERYTHING, TargetSpan, range_of_plan
 from db.store import Store
 from server.base.problem import not_found
 from server.fleet.status import FOLLOW_TARGET

@@ -12,17 +12,18 @@ from sqlalchemy.orm import Session
 from autonomy.planner.config import PlannerConfig
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
-from db.query import plans as query
-from db.query.commands import newest_applied
-from db.query.plans import PlanRecord
+from db.query.mission import plans as query
+from db.query.mission.commands import newest_applied
+from db.query.mission.plans import PlanRecord
 from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.target_settings import TargetSettings
 from server.base.configuration import CurrentConfiguration
 from server.base.foundation import Foundation
+from server.fleet.capability import refuse_unless_able
+from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
-from server.fleet.recorded import refuse_recording
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.fleet.words import TEACHING
 from server.plan.ledger import PlanLedger
@@ -64,6 +65,7 @@ class TargetPlanning:
         """
         status = self._fleet.status(robot)
         refuse_recording(status, "follows no target")
+        refuse_unless_able(status, "target_tracking")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
         book = self._foundation.configurations

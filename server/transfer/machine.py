@@ -14,9 +14,9 @@ from datetime import datetime, timedelta
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query.outbox import OutboxRecord, outbox_of_transfer
-from db.query.plans import PlanRecord
-from db.query.transfers import TransferRecord
+from db.query.mission.plans import PlanRecord
+from db.query.mission.transfers import TransferRecord
+from db.query.satellite.outbox import OutboxRecord, outbox_of_transfer
 from robot_link.clock import set_or_after
 from robot_link.messages import (
     CommandKind,

@@ -6,11 +6,11 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query import outbox as query
-from db.query.outbox import CREATED, OutboxRecord
-from db.query.plans import PlanRecord, get_plan
-from db.query.satellite_messages import SatelliteMessage
-from db.query.transfers import TransferRecord
+from db.query.mission.plans import PlanRecord, get_plan
+from db.query.mission.transfers import TransferRecord
+from db.query.satellite import outbox as query
+from db.query.satellite.outbox import CREATED, OutboxRecord
+from db.query.satellite.satellite_messages import SatelliteMessage
 from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff

@@ -26,10 +26,10 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query import transfers as query
-from db.query.outbox import outbox_of_transfer
-from db.query.plans import get_plan
-from db.query.transfers import TransferRecord
+from db.query.mission import transfers as query
+from db.query.mission.plans import get_plan
+from db.query.mission.transfers import TransferRecord
+from db.query.satellite.outbox import outbox_of_transfer
 from server.base.transition_table import transitions
 from server.command.state import SurfaceOrdered
 from server.plan import state as plan_state

@@ -14,10 +14,10 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query import transfers as query
-from db.query.events import add_event
-from db.query.plans import ENDED_STATES, PlanRecord, get_plan
-from db.query.transfers import TransferRecord
+from db.query.mission import transfers as query
+from db.query.mission.plans import ENDED_STATES, PlanRecord, get_plan
+from db.query.mission.transfers import TransferRecord
+from db.query.station.events import add_event
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
 from server.base.problem import FieldError, conflict

@@ -7,10 +7,10 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query.outbox import OutboxRecord, outbox_of_transfer
-from db.query.plans import get_plan
-from db.query.satellite_messages import credits_of, messages_of
-from db.query.transfers import TransferRecord, get_transfer, newest_transfer
+from db.query.mission.plans import get_plan
+from db.query.mission.transfers import TransferRecord, get_transfer, newest_transfer
+from db.query.satellite.outbox import OutboxRecord, outbox_of_transfer
+from db.query.satellite.satellite_messages import credits_of, messages_of
 from db.record import same
 from robot_link.satellite.cost import credits
 from robot_link.station.ground import Part

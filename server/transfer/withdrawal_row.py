@@ -10,9 +10,9 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query import outbox as query
-from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import SatelliteMessage, messages_of
+from db.query.satellite import outbox as query
+from db.query.satellite.outbox import OutboxRecord
+from db.query.satellite.satellite_messages import SatelliteMessage, messages_of
 from robot_link.satellite.withdrawal import pack_withdrawal
 from robot_link.station.ground import GroundState, GroundTransfer, next_counter
 from server.command.satellite_row import is_surface

@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query, Response
 
 from autonomy.vehicle.parameter_file import VehicleDocument, vehicle_document
-from db.query.robots import RobotRecord, list_robots
+from db.query.fleet.robots import RobotRecord, list_robots
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service

@@ -14,8 +14,8 @@ from autonomy.vehicle.parameter_file import (
     vehicle_document,
     vehicle_from_document,
 )
-from db.query.events import add_event
-from db.query.vehicles import VehicleExistsError, VehicleRecord, add_vehicle, list_vehicles
+from db.query.fleet.vehicles import VehicleExistsError, VehicleRecord, add_vehicle, list_vehicles
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable

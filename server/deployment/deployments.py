@@ -1,0 +1,175 @@
+"""What operators decide about deployments, each decision written down with its event."""
+
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from db.query.fleet import deployment_change as change
+from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.query.fleet.robots import first_title, get_robot
+from db.query.station.events import add_event
+from server.base.foundation import Foundation
+from server.base.problem import FieldError, conflict, unprocessable
+from server.fleet.roster import Roster
+
+_AHEAD_MAX = timedelta(minutes=1)
+"""A moment this far ahead may be one of a clock that is not quite the station's."""
+
+
+class Deployments:
+    """Changes deployments; the fleet takes up each change before the caller is answered."""
+
+    def __init__(self, foundation: Foundation, roster: Roster) -> None:
+        self._clock = foundation.clock
+        self._store = foundation.store
+        self._roster = roster
+
+    async def add(
+        self,
+        robot: str,
+        *,
+        title: str | None,
+        purpose: str,
+        people: Sequence[str],
+        started_at: datetime | None,
+        ended_at: datetime | None,
+        by: str,
+    ) -> DeploymentRecord:
+        """Plan a deployment; one with a start has begun, one with an end too is over.
+
+        Raises:
+            Problem: 409 for a recording, a retired robot, or a time that another deployment has;
+                422 for times that do not fit.
+        """
+        self._refuse_future(started_at=started_at, ended_at=ended_at)
+        at = self._clock.now()
+
+        def write(session: Session) -> DeploymentRecord:
+            name = title or first_title(get_robot(session, robot).name, started_at or at)
+            return change.add_deployment(
+                session,
+                robot,
+                title=name,
+                purpose=purpose,
+                people=people,
+                started_at=started_at,
+                ended_at=ended_at,
+            )
+
+        verb = "planned" if started_at is None else "began" if ended_at is None else "noted"
+        return await self._write(write, verb, by)
+
+    async def begin(self, deployment: str, at: datetime | None, *, by: str) -> DeploymentRecord:
+        """Begin a planned deployment, now or at a moment before.
+
+        Raises:
+            Problem: 409 if it is not planned, or its robot is in the water; 422 for the future.
+        """
+        self._refuse_future(at=at)
+        moment = at or self._clock.now()
+        return await self._write(
+            lambda session: change.begin_deployment(session, deployment, moment), "began", by
+        )
+
+    async def end(self, deployment: str, at: datetime | None, *, by: str) -> DeploymentRecord:
+        """End a deployment, now or at a moment before.
+
+        Raises:
+            Problem: 409 if its robot is not in the water; 422 for a moment before it began.
+        """
+        self._refuse_future(at=at)
+        moment = at or self._clock.now()
+        return await self._write(
+            lambda session: change.end_deployment(session, deployment, moment), "ended", by
+        )
+
+    async def split(
+        self, deployment: str, at: datetime, title: str | None, *, by: str
+    ) -> tuple[DeploymentRecord, DeploymentRecord]:
+        """Let a deployment end at a moment within it and another go on from there.
+
+        Raises:
+            Problem: 409 if it has not begun or is a recording; 422 for a moment outside of it.
+        """
+        other: list[DeploymentRecord] = []
+
+        def write(session: Session) -> DeploymentRecord:
+            record = get_deployment(session, deployment)
+            name = title or first_title(get_robot(session, record.robot).name, at)
+            first, second = change.split_deployment(session, deployment, at, name)
+            other.append(second)
+            return first
+
+        first = await self._write(write, "split", by)
+        return first, other[-1]
+
+    async def correct(self, deployment: str, changes: dict[str, Any], by: str) -> DeploymentRecord:
+        """Change what is written of a deployment, or its times.
+
+        Raises:
+            Problem: 409 if it is void, a file was made of it, or another has this time; 422 for
+                times that do not fit.
+        """
+        self._refuse_future(started_at=changes.get("started_at"), ended_at=changes.get("ended_at"))
+        return await self._write(
+            lambda session: change.correct_deployment(session, deployment, **changes),
+            "corrected",
+            by,
+        )
+
+    async def void(self, deployment: str, reason: str, *, by: str) -> DeploymentRecord:
+        """Hide a deployment that was made by mistake.
+
+        Raises:
+            Problem: 409 if it is void already.
+        """
+        at = self._clock.now()
+        return await self._write(
+            lambda session: change.void_deployment(session, deployment, reason, at), "voided", by
+        )
+
+    async def _write(
+        self, decide: Callable[[Session], DeploymentRecord], verb: str, by: str
+    ) -> DeploymentRecord:
+        at = self._clock.now()
+
+        def write(session: Session) -> DeploymentRecord:
+            record = decide(session)
+            why = f": {record.void_reason}" if verb == "voided" else "."
+            text = f"{by}: {record.id} of {record.robot} ({record.title}) {_DONE[verb]}{why}"
+            data = {"deployment": record.id}
+            add_event(session, at, f"deployment.{verb}", text, robot=record.robot, data=data)
+            return record
+
+        try:
+            record = await self._store.write(write)
+        except change.DeploymentTimesError as error:
+            raise unprocessable(str(error), []) from error
+        except (change.DeploymentStateError, change.DeploymentOverlapError) as error:
+            raise conflict(str(error)) from error
+        await self._roster.refresh(record.robot)
+        return record
+
+    def _refuse_future(self, **moments: datetime | None) -> None:
+        limit = self._clock.now() + _AHEAD_MAX * max(1.0, self._clock.speed)
+        errors = [
+            FieldError(loc=[name], msg=f"{at:%Y-%m-%d %H:%M:%S}Z has not come yet")
+            for name, at in moments.items()
+            if at is not None and at > limit
+        ]
+        if errors:
+            raise unprocessable(f"{len(errors)} moments are in the future.", errors)
+
+
+_DONE = {
+    "planned": "is planned",
+    "began": "began",
+    "noted": "is noted as over",
+    "ended": "ended",
+    "split": "was split",
+    "corrected": "was corrected",
+    "voided": "is void",
+}
+"""What became of a deployment, by the last word of its event's kind."""

@@ -1,0 +1,214 @@
+"""Deployments: planned, begun, ended, split, corrected, and looked back at."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import AwareDatetime, Field
+from sqlalchemy.orm import Session
+
+from autonomy.site import Site
+from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.query.fleet.deployments import list_deployments as query_deployments
+from db.store import Store
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
+from server.base.dependency import StoreDep, service
+from server.base.problem import not_found
+from server.base.text import Name, Title
+from server.base.view import Body
+from server.deployment.deployments import Deployments
+from server.deployment.suggestion import Suggestions
+from server.deployment.view import DeploymentsView, DeploymentView, SplitView, deployment_view
+from server.fleet.dependency import FleetDep
+from server.fleet.route import FleetViewsDep
+from server.fleet.view import RobotView
+
+router = APIRouter(prefix="/api", tags=["deployments"], route_class=IdempotentRoute)
+
+DeploymentsDep = Annotated[Deployments, Depends(service(Deployments))]
+SuggestionsDep = Annotated[Suggestions, Depends(service(Suggestions))]
+Purpose = Annotated[str, Field(max_length=500)]
+People = Annotated[list[Name], Field(max_length=50)]
+
+
+class NewDeployment(Body):
+    """A deployment that is planned, or that has begun."""
+
+    robot: str
+    name: Title | None = None
+    """By default the robot's name and the day."""
+    purpose: Purpose = ""
+    people: People = Field(default_factory=list[str])
+    started_at: AwareDatetime | None = None
+    """When the robot came into the water; without it the deployment is planned."""
+    ended_at: AwareDatetime | None = None
+    """When it came out, of one that is noted afterwards."""
+
+
+class DeploymentChanges(Body):
+    """What is to be changed of a deployment."""
+
+    name: Title | None = None
+    purpose: Purpose | None = None
+    people: People | None = None
+    started_at: AwareDatetime | None = None
+    ended_at: AwareDatetime | None = None
+
+
+class Moment(Body):
+    """When something was so."""
+
+    at: AwareDatetime | None = None
+    """By default now."""
+
+
+class Split(Body):
+    """Where a deployment is to be split."""
+
+    at: AwareDatetime
+    name: Title | None = None
+    """Of the second part; by default the robot's name and the day."""
+
+
+class Voiding(Body):
+    """Why a deployment does not count."""
+
+    reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
+
+
+@router.get("/deployments")
+async def list_deployments(
+    caller: Viewer,
+    store: StoreDep,
+    robot: Annotated[str | None, Query()] = None,
+    state: Annotated[Literal["planned", "in_water", "recovered"] | None, Query()] = None,
+    void: Annotated[bool, Query(description="Those that do not count, instead.")] = False,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> DeploymentsView:
+    """Return deployments, the newest first."""
+    del caller
+
+    def views(session: Session) -> list[DeploymentView]:
+        records = query_deployments(
+            session, robot=robot, state=state, is_void=void, before=before, limit=limit
+        )
+        return [deployment_view(session, record) for record in records]
+
+    return DeploymentsView(await store.query(views))
+
+
+@router.post("/deployments", status_code=201)
+async def create_deployment(
+    caller: Pilot,
+    body: NewDeployment,
+    deployments: DeploymentsDep,
+    fleet: FleetDep,
+    store: StoreDep,
+) -> DeploymentView:
+    """Plan a deployment, or note one that has begun, or is over.
+
+    409 if the robot has another deployment at this time; the answer names it.
+    """
+    fleet.status(body.robot)
+    record = await deployments.add(
+        body.robot,
+        title=body.name,
+        purpose=body.purpose,
+        people=body.people,
+        started_at=body.started_at,
+        ended_at=body.ended_at,
+        by=caller.name,
+    )
+    return await _view(store, record)
+
+
+@router.get("/deployments/{deployment}")
+async def get_one(caller: Viewer, deployment: str, store: StoreDep) -> DeploymentView:
+    """Return one deployment."""
+    del caller
+    return await store.query(lambda s: deployment_view(s, get_deployment(s, deployment)))
+
+
+@router.get("/deployments/{deployment}/water")
+async def get_water(caller: Viewer, deployment: str, store: StoreDep) -> Site:
+    """Return the water as it was described when the deployment ended, or as it is described now."""
+    del caller
+    return await store.query(lambda session: get_deployment(session, deployment).site)
+
+
+@router.patch("/deployments/{deployment}")
+async def patch_deployment(
+    caller: Pilot,
+    deployment: str,
+    changes: DeploymentChanges,
+    deployments: DeploymentsDep,
+    store: StoreDep,
+) -> DeploymentView:
+    """Change what is written of a deployment, or correct its times.
+
+    409 if another deployment of the robot has this time; the answer names it.
+    """
+    given = changes.model_dump(exclude_unset=True, exclude_none=True)
+    if "name" in given:
+        given["title"] = given.pop("name")
+    return await _view(store, await deployments.correct(deployment, given, caller.name))
+
+
+@router.post("/deployments/{deployment}/begin")
+async def begin_deployment(
+    caller: Pilot,
+    deployment: str,
+    deployments: DeploymentsDep,
+    store: StoreDep,
+    body: Moment | None = None,
+) -> DeploymentView:
+    """Say that the robot is in the water; 409 if it was already."""
+    at = None if body is None else body.at
+    return await _view(store, await deployments.begin(deployment, at, by=caller.name))
+
+
+@router.post("/deployments/{deployment}/end")
+async def end_deployment(
+    caller: Pilot,
+    deployment: str,
+    deployments: DeploymentsDep,
+    store: StoreDep,
+    body: Moment | None = None,
+) -> DeploymentView:
+    """Say that the robot is out of the water: it is in the workshop from then on."""
+    at = None if body is None else body.at
+    return await _view(store, await deployments.end(deployment, at, by=caller.name))
+
+
+@router.post("/deployments/{deployment}/split")
+async def split_deployment(
+    caller: Pilot, deployment: str, body: Split, deployments: DeploymentsDep, store: StoreDep
+) -> SplitView:
+    """End a deployment at a moment within it and let another go on from there."""
+    first, second = await deployments.split(deployment, body.at, body.name, by=caller.name)
+    return SplitView(await _view(store, first), await _view(store, second))
+
+
+@router.post("/deployments/{deployment}/void")
+async def void_deployment(
+    caller: Pilot, deployment: str, body: Voiding, deployments: DeploymentsDep, store: StoreDep
+) -> DeploymentView:
+    """Hide a deployment that was made by mistake; what the robot said then belongs to none."""
+    return await _view(store, await deployments.void(deployment, body.reason, by=caller.name))
+
+
+@router.delete("/robots/{robot}/deployment-suggestion")
+async def decline_suggestion(
+    caller: Pilot, robot: str, fleet: FleetDep, views: FleetViewsDep, suggestions: SuggestionsDep
+) -> RobotView:
+    """Say "not now" to what the station suggests; it asks again when the robot does otherwise."""
+    del caller
+    if fleet.status(robot).suggestion is None:
+        raise not_found(f"Nothing is suggested of {robot}.")
+    suggestions.decline(robot)
+    return views.robot_view(robot)
+
+
+async def _view(store: Store, record: DeploymentRecord) -> DeploymentView:
+    return await store.query(lambda session: deployment_view(session, record))

@@ -1,0 +1,1 @@
+"""Waters: their documents, and outlines and depths from files. Publishes ``WaterChanged``."""
