@@ -1,6 +1,6 @@
 """Colours of the 3D scene: perceptually uniform maps and the fixed colours of meanings.
 
-The map anchors are ten equally spaced colours of matplotlib's viridis and magma (both CC0).
+The map anchors are ten equally spaced colours of matplotlib's maps (all CC0).
 """
 
 import numpy as np
@@ -14,6 +14,7 @@ Colour = tuple[int, int, int]
 _ANCHORS = {
     "viridis": "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6dcd59 b4de2c fde725",
     "magma": "000004 180f3e 451077 721f81 9f2f7f cd4071 f1605d fd9567 fec98d fcfdbf",
+    "cividis": "00224e 123570 3b496c 575d6d 707173 8a8779 a69d75 c4b56c e4cf5b fee838",
 }
 
 FIDELITY: tuple[Colour, ...] = ((124, 108, 214), (86, 160, 230), (160, 240, 225))
@@ -58,7 +59,7 @@ def mapped(values: FloatArray, low: float, high: float, name: str) -> ColourArra
         values: Any shape; NaN is drawn as the lowest colour.
         low: Value of the first colour.
         high: Value of the last colour; equal to ``low`` gives the middle colour everywhere.
-        name: ``viridis`` or ``magma``.
+        name: As the catalogue of channels names colour maps.
 
     Returns:
         Colours 0..255, shape ``(*values.shape, 3)``.

@@ -16,7 +16,7 @@ FORMS = ("volume", "slices")
 AXES = ("depth", "north", "east")
 """What a slice may be cut across."""
 _AXIS_OF = {"north": 0, "east": 1, "depth": 2}
-_COLOUR_MAP = {"mean": "viridis", "standard deviation": "magma"}
+_DEVIATION_COLOURS = "magma"
 _CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
                    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
@@ -59,7 +59,15 @@ class FieldMap:
             self._forget()
             return
         cuts = tuple(sorted(self.slices.items()))
-        wanted = (view.version, view.model, self.quantity, self.form, cuts, self.opacity)
+        wanted = (
+            view.version,
+            view.model,
+            self.quantity,
+            self.form,
+            cuts,
+            self.opacity,
+            view.variable,
+        )
         if wanted == self._drawn:
             return
         self._drawn = wanted
@@ -86,11 +94,12 @@ class FieldMap:
         if not np.isfinite(values).any():
             return
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        colours = linear(mapped(values, low, high, _COLOUR_MAP[self.quantity]).reshape(-1, 3))
+        name = view.variable.colour_map if self.quantity == "mean" else _DEVIATION_COLOURS
+        colours = linear(mapped(values, low, high, name).reshape(-1, 3))
         opacities = self._opacities(view, values, low, high).reshape(-1).astype(np.float32)
         self.legend = _legend(view, self.quantity, low, high)
         is_log = view.variable.scale == "log"
-        self.colours = ColourScale(low, high, view.variable.unit, is_log)
+        self.colours = ColourScale(low, high, view.variable.unit, is_log, name)
         axes = (view.x_m, view.y_m, view.z_m)
         if self._cells is None or self._axes is None or not _same(axes, self._axes):
             self._axes = axes

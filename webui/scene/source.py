@@ -10,7 +10,7 @@ from datetime import datetime
 from typing import Protocol
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
-from autonomy.field.variable import Variable
+from autonomy.channel import Channel
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.site import Area, Site
 from autonomy.vehicle.hull import Hull
@@ -87,7 +87,7 @@ class SampleView:
 class MapView:
     """One field map on a regular grid."""
 
-    variable: Variable
+    variable: Channel
     model: str
     x_m: FloatArray
     y_m: FloatArray

@@ -25,6 +25,8 @@ class ColourScale:
     unit: str
     is_log: bool
     """Whether those are natural logarithms, or deviations of such."""
+    colour_map: str
+    """Name of the colours."""
 
 
 @dataclass(frozen=True, slots=True)

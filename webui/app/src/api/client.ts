@@ -1,7 +1,14 @@
 import createClient from 'openapi-fetch';
 import type { components, paths } from './generated/station';
+import { done, newKey, of, told, versioned } from './call';
+import { ChannelApi } from './channel';
+import { DemoApi } from './demo';
 import { noAnswer, problemOf } from './problem';
+import { SetupApi } from './setup';
+import { TagApi } from './tag';
+import { VehicleApi } from './vehicle';
 import type { Alarm, ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
+import { WaterApi } from './water';
 
 type Schemas = components['schemas'];
 type Query<Path extends keyof paths> = NonNullable<
@@ -18,7 +25,7 @@ export class Api {
   /** Called when the station no longer knows this browser. */
   onSignedOut: () => void = () => undefined;
   /** Proves to the station that a request comes from its own page. */
-  #csrf = '';
+  csrf = '';
   readonly #http = createClient<paths, 'application/json'>({
     headers: { Accept: 'application/json' },
   });
@@ -27,7 +34,7 @@ export class Api {
     this.#http.use({
       onRequest: ({ request }) => {
         if (request.method === 'GET') return;
-        request.headers.set('X-CSRF-Token', this.#csrf);
+        request.headers.set('X-CSRF-Token', this.csrf);
         if (request.method === 'POST') request.headers.set('Idempotency-Key', newKey());
       },
       onResponse: async ({ response, schemaPath }) => {
@@ -44,7 +51,7 @@ export class Api {
 
   async session(): Promise<Schemas['SessionView']> {
     const session = await told(this.#http.GET('/api/session'));
-    this.#csrf = session.csrf_token ?? '';
+    this.csrf = session.csrf_token ?? '';
     return session;
   }
 
@@ -57,9 +64,13 @@ export class Api {
   signOut = () => done(this.#http.DELETE('/api/session'));
 
   robots = () => told(this.#http.GET('/api/robots'));
-  /** Let a robot be another vehicle of the catalogue. */
-  setVehicle = (robot: string, model: string) =>
-    done(this.#http.PATCH('/api/robots/{robot}', { ...of({ robot }), body: { model } }));
+  /** Robots that join and leave, their links, and their deployments. */
+  readonly setup = new SetupApi(this.#http);
+  readonly demo = new DemoApi(this.#http);
+  readonly channel = new ChannelApi(this.#http);
+  readonly water = new WaterApi(this.#http);
+  readonly tag = new TagApi(this.#http);
+  readonly vehicle = new VehicleApi(this.#http);
 
   samples = (robot: string, query: Query<'/api/robots/{robot}/samples'>, signal?: AbortSignal) =>
     told(this.#http.GET('/api/robots/{robot}/samples', of({ robot }, query, signal)));
@@ -94,8 +105,12 @@ export class Api {
   satelliteLog = (robot: string) =>
     told(this.#http.GET('/api/robots/{robot}/satellite', of({ robot })));
 
-  parameters = (robot: string) =>
-    told(this.#http.GET('/api/robots/{robot}/parameters', of({ robot })));
+  parameters = (robot: string, against = '') =>
+    told(
+      this.#http.GET('/api/robots/{robot}/parameters', {
+        params: { path: { robot }, query: against ? { against } : {} },
+      }),
+    );
 
   readParameters = (robot: string) =>
     told(this.#http.POST('/api/robots/{robot}/parameters/read', of({ robot })));
@@ -337,7 +352,7 @@ export class Api {
       }),
     );
 
-  deployments = async () => (await told(this.#http.GET('/api/deployments'))).deployments;
+  deployments = () => this.setup.deployments();
 
   importFile(file: File, robot: string, policy: 'skip' | 'refuse'): Promise<{ id: string }> {
     const form = new FormData();
@@ -361,27 +376,4 @@ export class Api {
   tokens = async () => (await told(this.#http.GET('/api/tokens'))).tokens;
   createToken = (body: Schemas['TokenBody']) => told(this.#http.POST('/api/tokens', { body }));
   revokeToken = (token: string) => done(this.#http.DELETE('/api/tokens/{token}', of({ token })));
-}
-
-/** Where a request goes and what it asks. */
-function of<P, Q = undefined>(path: P, query?: Q, signal?: AbortSignal) {
-  return { params: { path, query: query as Q }, ...(signal && { signal }) };
-}
-
-async function told<T>(answer: Promise<{ data?: T }>): Promise<T> {
-  return (await answer).data as T;
-}
-
-async function done(answer: Promise<unknown>): Promise<void> {
-  await answer;
-}
-
-function versioned<T>({ data, response }: { data?: T; response: Response }): Versioned<T> {
-  return { value: data as T, etag: response.headers.get('ETag') };
-}
-
-/** One key a request, so that a repeated request acts once. */
-function newKey(): string {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
 }

@@ -5,7 +5,15 @@ import { colourTable, tableIndex } from './colour_map';
 import { chartOptions, padded } from './line_chart';
 import { fidelityRuns, legPoints } from './path';
 import { aloneAt, append, sparkDots, sparkPath, trim, withGaps } from './series';
-import { cutPositions, cutSlice, finiteRange, logMarks, scaleMarks, ticks } from './slice';
+import {
+  cutPositions,
+  cutSlice,
+  finiteRange,
+  logMarks,
+  rescaled,
+  scaleMarks,
+  ticks,
+} from './slice';
 
 const REST = {
   value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
@@ -27,6 +35,8 @@ function countingMap(): FieldMap {
     unit: 'ug/L',
     scale: 'linear',
     model: 'single',
+    colour_map: 'viridis',
+    is_derived: false,
     axes,
     mean,
     std: mean,
@@ -63,6 +73,13 @@ describe('a slice', () => {
     expect(finiteRange([null, 3, NaN, 5])).toEqual([3, 5]);
     expect(finiteRange([2, 2])).toEqual([1.5, 2.5]);
     expect(finiteRange([null])).toBeNull();
+  });
+
+  test('is shown in another scale, with a floor below a logarithm', () => {
+    expect(rescaled([Math.log(4), null], 'log', 'linear', 0.5)[0]).toBeCloseTo(4);
+    expect(rescaled([0, null], 'linear', 'log', 0.5)).toEqual([Math.log(0.5), null]);
+    const values = [1, 2];
+    expect(rescaled(values, 'log', 'log', 0.5)).toBe(values);
   });
 });
 

@@ -1,7 +1,7 @@
 import type { Robot } from '../api/types';
 import type { Station } from '../live/station.svelte';
 import { offByNow } from '../text/growth';
-import type { MapRobot } from './site_map';
+import type { MapRobot } from './site_robots';
 
 const OLD_S = 10;
 
@@ -20,10 +20,13 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
         id,
         name,
         ned: position.ned_m,
-        stdM: position.std_m,
+        stdM: position.std_m ?? 0,
         headingRad: heading,
         isOld: ageS > limit,
-        offM: isIdle ? offByNow(position.std_m, entry.report?.current, ageS, true) : null,
+        offM:
+          isIdle && position.std_m !== null
+            ? offByNow(position.std_m, entry.report?.current, ageS, true)
+            : null,
       },
     ];
   });

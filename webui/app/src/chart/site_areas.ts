@@ -5,7 +5,15 @@ import type { Area } from '../api/types';
 export interface AreaHandlers {
   /** Called when an area is clicked. */
   onpick: (index: number) => void;
+  /** What an area is called; by default a keep-out of its name. */
+  nameOf?: (index: number) => string;
+  /** The area that is the shore, not a keep-out. */
+  shore?: number | null;
   onmove: (index: number, corner: number, north: number, east: number) => void;
+  /** Called to put a corner into the side behind one: a click on the side of the chosen area. */
+  oninsert?: (index: number, corner: number, north: number, east: number) => void;
+  /** Called to take a corner away: its second button or a long press. */
+  onremove?: (index: number, corner: number) => void;
   /** Called with a click on the map while an area is drawn. */
   onclick: (north: number, east: number) => void;
 }
@@ -18,10 +26,14 @@ export interface AreaEditing extends AreaHandlers {
   drawing: readonly (readonly [number, number])[] | null;
 }
 
+/** A click so near to a side is on it. */
+const SIDE_PX = 9;
+
 /** Areas of a site as polygons; the corners of the chosen one can be dragged. */
 export class SiteAreas {
   readonly #map: L.Map;
-  readonly #areas = L.layerGroup();
+  /** Everything but what is being drawn. */
+  readonly group = L.layerGroup();
   readonly #drawn = L.layerGroup();
   #handlers: AreaHandlers | null = null;
   #isDrawing = false;
@@ -29,7 +41,6 @@ export class SiteAreas {
 
   constructor(map: L.Map) {
     this.#map = map;
-    this.#areas.addTo(map);
     this.#drawn.addTo(map);
     map.on('click', ({ latlng }) => {
       if (this.#isDrawing) this.#handlers?.onclick(latlng.lat, latlng.lng);
@@ -40,7 +51,7 @@ export class SiteAreas {
     this.#handlers = handlers;
     // What is being dragged follows the pointer by itself.
     if (this.#isDragged) return;
-    this.#areas.clearLayers();
+    this.group.clearLayers();
     areas.forEach((area, index) => this.#add(area, index, index === selected));
   }
 
@@ -63,16 +74,32 @@ export class SiteAreas {
     const handlers = this.#handlers;
     const points = area.corners_m.map(([north, east]): [number, number] => [north, east]);
     const polygon = L.polygon(points, {
-      className: `map-keep-out${isSelected ? ' map-chosen' : ''}`,
+      className: `${handlers?.shore === index ? 'map-outline' : 'map-keep-out'}${isSelected ? ' map-chosen' : ''}`,
       interactive: true,
     });
-    polygon.bindTooltip(`Keep out: ${area.name}`, { sticky: true }).addTo(this.#areas);
+    polygon
+      .bindTooltip(handlers?.nameOf?.(index) ?? `Keep out: ${area.name}`, { sticky: true })
+      .addTo(this.group);
     if (!handlers) return;
-    polygon.on('click', () => {
-      if (!this.#isDrawing) handlers.onpick(index);
+    polygon.on('click', ({ latlng }) => {
+      if (this.#isDrawing) return;
+      const side = isSelected ? this.#sideAt(points, latlng) : null;
+      if (side === null) handlers.onpick(index);
+      else handlers.oninsert?.(index, side, latlng.lat, latlng.lng);
     });
     if (!isSelected) return;
     points.forEach((point, corner) => this.#addHandle(polygon, index, corner, point, handlers));
+  }
+
+  /** The corner behind which the side lies that a place is on; `null` for none. */
+  #sideAt(points: readonly [number, number][], at: L.LatLng): number | null {
+    const here = this.#map.latLngToLayerPoint(at);
+    const drawn = points.map((point) => this.#map.latLngToLayerPoint(point));
+    const distances = drawn.map((from, i) =>
+      L.LineUtil.pointToSegmentDistance(here, from, drawn[(i + 1) % drawn.length] ?? from),
+    );
+    const nearest = Math.min(...distances);
+    return nearest <= SIDE_PX ? distances.indexOf(nearest) : null;
   }
 
   #addHandle(
@@ -95,6 +122,10 @@ export class SiteAreas {
       const { lat, lng } = handle.getLatLng();
       handlers.onmove(index, corner, lat, lng);
     });
-    handle.addTo(this.#areas);
+    handle.on('contextmenu', (event) => {
+      L.DomEvent.stop(event.originalEvent);
+      handlers.onremove?.(index, corner);
+    });
+    handle.addTo(this.group);
   }
 }

@@ -1,39 +1,57 @@
 import * as L from 'leaflet';
-import type { Area, Box, ComesUp, Flow, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
+import type { Area, BaseMap, Box, ComesUp, Flow, FlownPoint, Leg, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
 import { arrowLines, ellipseLine, flowText, scaleOf, told, type Line } from './flow_arrow';
+import { BaseLayer } from './base_layer';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
-import { ticks } from './slice';
+import { drawDepth, drawField, type FieldLevel } from './site_picture';
+import { drawShapes, type MapShape } from './site_shapes';
+import { SiteRobots, type MapRobot } from './site_robots';
+import type { Sight } from './target_view';
 
-export interface MapRobot {
-  id: string;
+/** What a map can show or leave out. */
+export type LayerKey =
+  | 'base'
+  | 'depth'
+  | 'field'
+  | 'keepouts'
+  | 'flow'
+  | 'track'
+  | 'plan'
+  | 'predicted'
+  | 'places'
+  | 'others';
+
+/** A place with a name. */
+export interface MapPlace {
   name: string;
-  ned: Ned;
-  headingRad: number;
-  stdM: number;
-  /** Older than its limit: drawn hollow. */
-  isOld: boolean;
-  /** How far it may have drifted by now, m; predicted, null where that is no more than stated. */
-  offM: number | null;
+  kind: string;
+  at: readonly [north: number, east: number];
 }
 
-interface Mark {
-  marker: L.Marker;
-  arrow: SVGElement;
-  circle: L.Circle;
-  off: L.Circle;
+/** How a site's metres lie on the screen, north up. */
+export interface MapView {
+  /** Pixels of a metre. */
+  perM: number;
+  width: number;
+  height: number;
+  /** Northing of the upper edge and easting of the left one, m. */
+  top: number;
+  left: number;
 }
 
-/** Room for the label of one line of the grid, px. */
-const LABEL_PX = 72;
-/** Between a robot and its name, px. */
-const NAME_GAP_PX = 12;
-/** What a tooltip keeps from an arrow that ours has not, and from the edge, px. */
-const EDGE_PX = 8;
-const SVG = 'http://www.w3.org/2000/svg';
+export interface MapHandlers {
+  onhover: (at: [north: number, east: number] | null) => void;
+  onclick: (at: [north: number, east: number]) => void;
+  /** A long press, or the second button. */
+  onask: (at: [north: number, east: number]) => void;
+  onview: (view: MapView) => void;
+}
 
+/** From the lowest: the water, pictures of the ground, its depth, a field of the water. */
+const PANES = { water: 210, base: 220, depth: 230, field: 240 } as const;
 /**
  * A site seen from above, north up, in metres of its own north-east frame.
  *
@@ -41,67 +59,180 @@ const SVG = 'http://www.w3.org/2000/svg';
  */
 export class SiteDrawing {
   readonly #map: L.Map;
-  readonly #track = L.layerGroup();
-  readonly #plan = L.layerGroup();
+  readonly #groups: Record<Exclude<LayerKey, 'base'>, L.LayerGroup>;
   readonly #ghost = L.layerGroup();
-  readonly #rehearsed = L.layerGroup();
-  readonly #flow = L.layerGroup();
+  readonly #sketches = L.layerGroup();
   readonly #comesUp = L.layerGroup();
-  readonly #robots = L.layerGroup();
+  readonly #rehearsed = L.layerGroup();
+  readonly #expected = L.layerGroup();
+  readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
-  readonly #marks = new Map<string, Mark>();
-  readonly #bounds: L.LatLngBounds;
+  readonly #base: BaseLayer;
+  readonly #water: L.LatLngBounds;
+  readonly #site: Site;
+  #sight: L.LatLngBounds;
+  /** Whether the sight is still the one that was asked for. */
+  #isFollowing = true;
+  #isFitting = false;
 
-  constructor(host: HTMLElement, site: Site, onHover: (ned: [number, number] | null) => void) {
+  constructor(host: HTMLElement, site: Site, handlers: MapHandlers) {
     const map = L.map(host, {
       crs: L.CRS.Simple,
       zoomSnap: 0,
       zoomDelta: 0.5,
-      minZoom: -10,
+      minZoom: -14,
       maxZoom: 14,
       attributionControl: false,
       zoomControl: false,
       scrollWheelZoom: true,
-      keyboard: false,
+      keyboard: true,
+      keyboardPanDelta: 60,
       zoomAnimation: false,
     });
     this.#map = map;
-    this.#bounds = boundsOf(site.water);
+    this.#site = site;
+    this.#water = boundsOf(site.water);
+    this.#sight = this.#water;
+    for (const [name, z] of Object.entries(PANES)) map.createPane(name).style.zIndex = String(z);
     drawFrame(map, site);
+    this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
-    this.#flow.addTo(map);
-    this.#track.addTo(map);
-    this.#comesUp.addTo(map);
-    this.#rehearsed.addTo(map);
-    this.#plan.addTo(map);
+    const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected]);
+    this.#groups = {
+      depth: L.layerGroup(),
+      field: L.layerGroup(),
+      keepouts: this.#areas.group,
+      flow: L.layerGroup(),
+      track: L.layerGroup(),
+      predicted,
+      plan: L.layerGroup(),
+      places: L.layerGroup(),
+      others: L.layerGroup(),
+    };
+    for (const group of Object.values(this.#groups)) group.addTo(map);
+    this.#sketches.addTo(map);
     this.#ghost.addTo(map);
-    this.#robots.addTo(map);
-    map.on('mousemove', (event) => onHover([event.latlng.lat, event.latlng.lng]));
-    map.on('mouseout', () => onHover(null));
-    host.addEventListener('pointerleave', () => onHover(null));
-    map.on('dblclick', () => this.fit());
-    map.on('moveend zoomend', () => this.#turnNames());
-    map.doubleClickZoom.disable();
+    this.#robots = new SiteRobots(map);
+    this.#listen(handlers);
     this.fit();
   }
 
+  #listen(handlers: MapHandlers): void {
+    const map = this.#map;
+    const at = ({ latlng }: L.LeafletMouseEvent): [number, number] => [latlng.lat, latlng.lng];
+    map.on('mousemove', (event) => handlers.onhover(at(event)));
+    map.on('mouseout', () => handlers.onhover(null));
+    map.getContainer().addEventListener('pointerleave', () => handlers.onhover(null));
+    map.on('click', (event) => handlers.onclick(at(event)));
+    map.on('contextmenu', (event) => handlers.onask(at(event)));
+    map.on('dblclick', () => this.fit());
+    map.on('movestart zoomstart', () => (this.#isFollowing = this.#isFitting));
+    map.on('moveend zoomend', () => this.#robots.turnNames());
+    map.on('move zoom viewreset resize', () => this.#tell(handlers));
+    map.doubleClickZoom.disable();
+  }
+
+  #tell(handlers: MapHandlers): void {
+    const map = this.#map;
+    const size = map.getSize();
+    const bounds = map.getBounds();
+    handlers.onview({
+      perM: map.getZoomScale(map.getZoom(), 0),
+      width: size.x,
+      height: size.y,
+      top: bounds.getNorth(),
+      left: bounds.getWest(),
+    });
+  }
+
+  /** Show what was asked for, and go on to do so as that changes. */
   fit(): void {
+    this.#isFollowing = true;
+    this.#isFitting = true;
     this.#map.invalidateSize(false);
-    this.#map.fitBounds(this.#bounds, { padding: [26, 18], animate: false });
-    this.#turnNames();
+    this.#map.fitBounds(this.#sight, { padding: [26, 18], animate: false });
+    this.#isFitting = false;
+    this.#robots.turnNames();
+  }
+
+  /** The room has another size: the sight stays if somebody chose it. */
+  resize(): void {
+    if (this.#isFollowing) this.fit();
+    else this.#map.invalidateSize(false);
+  }
+
+  zoom(steps: number): void {
+    this.#map.setZoom(this.#map.getZoom() + steps);
+  }
+
+  /** What is to be in sight; the whole water for `null`. */
+  showSight(sight: Sight | null): void {
+    this.#sight = sight
+      ? L.latLngBounds(
+          [sight.north - sight.tall / 2, sight.east - sight.wide / 2],
+          [sight.north + sight.tall / 2, sight.east + sight.wide / 2],
+        )
+      : this.#water;
+    if (this.#isFollowing) this.fit();
   }
 
   remove(): void {
+    this.#base.remove();
     this.#map.remove();
   }
 
+  /** Leave out some layers, and show all others. */
+  hide(hidden: ReadonlySet<LayerKey>): void {
+    for (const [key, group] of Object.entries(this.#groups)) {
+      if (hidden.has(key as LayerKey)) group.remove();
+      else group.addTo(this.#map);
+    }
+  }
+
+  showBase(base: BaseMap | null): void {
+    this.#base.show(base);
+    this.#map.getContainer().classList.toggle('map-based', base !== null);
+  }
+
+  /** Shade the floor between two colours, each of red, green and blue, and draw its isobaths. */
+  showDepth(shallow: readonly number[], deep: readonly number[]): void {
+    drawDepth(this.#groups.depth, this.#site, shallow, deep);
+  }
+
+  showField(level: FieldLevel | null): void {
+    drawField(this.#groups.field, level);
+  }
+
+  showPlaces(places: readonly MapPlace[]): void {
+    const layer = this.#groups.places.clearLayers();
+    for (const { name, kind, at } of places) {
+      const text = `${kind === 'landmark' ? '' : `${kind}: `}${name}`;
+      L.circleMarker([at[0], at[1]], { radius: 5, className: `map-place map-place-${kind}` })
+        .bindTooltip(text, { direction: 'top', offset: [0, -4] })
+        .addTo(layer);
+    }
+  }
+
+  showSketches(shapes: readonly MapShape[]): void {
+    drawShapes(this.#sketches, shapes);
+  }
+
+  /** What an operator laid over the map, such as other vessels. */
+  showOthers(shapes: readonly MapShape[]): void {
+    drawShapes(this.#groups.others, shapes);
+  }
+
+  showRobots(robots: readonly MapRobot[]): void {
+    this.#robots.show(robots);
+  }
+
   showTracks(tracks: readonly Track[]): void {
-    this.#track.clearLayers();
+    this.#groups.track.clearLayers();
     for (const run of tracks.flatMap(fidelityRuns)) {
       L.polyline(run.points, {
         className: `map-track map-fidelity-${run.level ?? 'none'}`,
         interactive: false,
-      }).addTo(this.#track);
+      }).addTo(this.#groups.track);
     }
   }
 
@@ -111,24 +242,25 @@ export class SiteDrawing {
    * Where a track is expected it is drawn so, and the legs are a thin line beside it.
    */
   showPlans(plans: readonly (readonly Leg[])[], expected: readonly ExpectedWay[]): void {
-    this.#plan.clearLayers();
+    const plan = this.#groups.plan.clearLayers();
+    this.#expected.clearLayers();
     const legs = plans.flat().map((leg) => ({ kind: leg.kind, points: legPoints(leg) }));
     const flat = ({ points }: ExpectedWay) =>
       points.map(([north, east]): [number, number] => [north, east]);
     if (expected.length > 0) {
       for (const leg of legs) {
-        L.polyline(flat(leg), { className: 'map-straight', interactive: false }).addTo(this.#plan);
+        L.polyline(flat(leg), { className: 'map-straight', interactive: false }).addTo(plan);
       }
     }
     for (const way of expected.length > 0 ? expected : legs) {
       L.polyline(flat(way), { className: `map-leg map-${way.kind}` })
         .bindTooltip(PRIMITIVES[way.kind].title, { sticky: true })
-        .addTo(this.#plan);
+        .addTo(expected.length > 0 ? this.#expected : plan);
     }
     for (const { start_ned: start } of plans.flatMap(([first]) => first ?? [])) {
       L.circleMarker([start[0], start[1]], { radius: 4, className: 'map-start' })
         .bindTooltip('Start of the plan')
-        .addTo(this.#plan);
+        .addTo(plan);
     }
   }
 
@@ -156,7 +288,7 @@ export class SiteDrawing {
    * they are not sure, dashed where they are predicted.
    */
   showFlow(flow: Flow | null): void {
-    this.#flow.clearLayers();
+    this.#groups.flow.clearLayers();
     if (!flow) return;
     const scale = scaleOf(flow.arrows, flow.spacing_m);
     for (const arrow of told(flow.arrows)) {
@@ -172,10 +304,10 @@ export class SiteDrawing {
       L.polygon(plain(doubt), {
         className: `map-flow-doubt${manner}`,
         interactive: false,
-      }).addTo(this.#flow);
+      }).addTo(this.#groups.flow);
       for (const line of arrowLines(arrow, scale)) {
         L.polyline(plain(line), { className: `map-flow${manner}`, interactive: false }).addTo(
-          this.#flow,
+          this.#groups.flow,
         );
       }
       // A shaft of two pixels cannot be pointed at or tapped: its surroundings answer for it.
@@ -184,7 +316,7 @@ export class SiteDrawing {
         className: 'map-flow-touch',
       })
         .bindTooltip(flowText(arrow), { sticky: true })
-        .addTo(this.#flow);
+        .addTo(this.#groups.flow);
     }
   }
 
@@ -212,130 +344,37 @@ export class SiteDrawing {
     this.#areas.show(areas, selected, handlers);
     this.#areas.showDrawing(drawing);
   }
-
-  showRobots(robots: readonly MapRobot[]): void {
-    for (const robot of robots) {
-      const mark = this.#marks.get(robot.id) ?? this.#addRobot(robot);
-      const at: [number, number] = [robot.ned[0], robot.ned[1]];
-      mark.marker.setLatLng(at);
-      mark.circle.setLatLng(at).setRadius(Math.max(robot.stdM, 1e-3));
-      mark.off.setLatLng(at).setRadius(robot.offM ?? 1e-3);
-      const degrees = (robot.headingRad * 180) / Math.PI;
-      mark.arrow.setAttribute('transform', `rotate(${degrees.toFixed(1)} 14 14)`);
-      mark.marker.getElement()?.classList.toggle('map-old', robot.isOld);
-    }
-    this.#turnNames();
-  }
-
-  /** A name that would be cut at the right edge stands on the left of its robot. */
-  #turnNames(): void {
-    const width = this.#map.getSize().x;
-    for (const { marker } of this.#marks.values()) {
-      const tooltip = marker.getTooltip();
-      const element = tooltip?.getElement();
-      if (!tooltip || !element) continue;
-      const { x } = this.#map.latLngToContainerPoint(marker.getLatLng());
-      const isCut = x + NAME_GAP_PX + element.offsetWidth + EDGE_PX > width;
-      const direction = isCut ? 'left' : 'right';
-      if (tooltip.options.direction === direction) continue;
-      tooltip.options.direction = direction;
-      tooltip.options.offset = L.point(isCut ? -NAME_GAP_PX : NAME_GAP_PX, 0);
-      tooltip.update();
-    }
-  }
-
-  #addRobot(robot: MapRobot): Mark {
-    const { figure, arrow } = robotFigure();
-    const icon = L.divIcon({
-      html: figure as unknown as HTMLElement,
-      className: 'map-robot',
-      iconSize: [28, 28],
-    });
-    const marker = L.marker([0, 0], { icon, interactive: false, keyboard: false });
-    marker.bindTooltip(robot.name, {
-      permanent: true,
-      direction: 'right',
-      offset: [NAME_GAP_PX, 0],
-      className: 'map-name',
-    });
-    const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });
-    const off = L.circle([0, 0], { radius: 1e-3, className: 'map-off', interactive: false });
-    off.addTo(this.#robots);
-    circle.addTo(this.#robots);
-    marker.addTo(this.#robots);
-    const mark = { marker, arrow, circle, off };
-    this.#marks.set(robot.id, mark);
-    return mark;
-  }
 }
 
 function boundsOf(box: Box): L.LatLngBounds {
   return L.latLngBounds([box.x_min_m, box.y_min_m], [box.x_max_m, box.y_max_m]);
 }
 
+/** The water itself under everything, its shore and the domain of surveys over the pictures. */
 function drawFrame(map: L.Map, site: Site): void {
-  const { water } = site;
   const still = { interactive: false };
-  const reach = Math.max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m);
-  const distance = (m: number) =>
-    reach < 5000 ? `${fixed(m, reach < 5 ? 1 : 0)} m` : `${fixed(m / 1000, 0)} km`;
+  const below = { ...still, pane: 'water', renderer: L.svg({ pane: 'water' }) };
   const land = site.shoreline ? ' map-land' : '';
-  L.rectangle(boundsOf(water), {
-    ...still,
-    className: `map-water map-${site.kind}${land}`,
-  }).addTo(map);
-  const label = (at: [number, number], text: string, side: string) =>
-    L.marker(at, {
-      icon: L.divIcon({ html: text, className: `map-label map-label-${side}`, iconSize: [0, 0] }),
-      interactive: false,
-      keyboard: false,
-    }).addTo(map);
-  // At the scale that shows all of the water; a label needs this much room.
-  const size = map.getSize();
-  const scale = Math.min(
-    size.x / (water.y_max_m - water.y_min_m),
-    size.y / (water.x_max_m - water.x_min_m),
-  );
-  const count = (span: number, most: number) =>
-    scale > 0 ? Math.max(1, Math.min(most, Math.floor((span * scale) / LABEL_PX))) : most;
-  const easts = count(water.y_max_m - water.y_min_m, 5);
-  for (const east of ticks(water.y_min_m, water.y_max_m, easts)) {
-    const line: [number, number][] = [
-      [water.x_min_m, east],
-      [water.x_max_m, east],
-    ];
-    L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
-    label([water.x_min_m, east], `${distance(east)} E`, 'below');
-  }
-  for (const north of ticks(water.x_min_m, water.x_max_m, 4)) {
-    const line: [number, number][] = [
-      [north, water.y_min_m],
-      [north, water.y_max_m],
-    ];
-    L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
-    label([north, water.y_min_m], `${distance(north)} N`, 'inside');
-  }
+  const className = `map-water map-${site.kind}${land}`;
+  L.rectangle(boundsOf(site.water), { ...below, className }).addTo(map);
   if (site.shoreline) {
-    L.polygon(
-      site.shoreline.corners_m.map(([north, east]) => [north, east]),
-      { ...still, className: 'map-shore' },
-    ).addTo(map);
+    const shore = site.shoreline.corners_m.map(([north, east]): [number, number] => [north, east]);
+    L.polygon(shore, { ...below, className: 'map-lake-floor' }).addTo(map);
+    L.polygon(shore, { ...still, className: 'map-shore' }).addTo(map);
+  }
+  for (const island of site.islands) {
+    L.polygon(plain(island.corners_m), { className: 'map-island' })
+      .bindTooltip(`Island: ${island.name}`, { sticky: true })
+      .addTo(map);
+  }
+  for (const area of site.keep_outs) {
+    L.polygon(plain(area.corners_m), { className: 'map-keep-out' })
+      .bindTooltip(`Keep out: ${area.name}`, { sticky: true })
+      .addTo(map);
   }
   L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
 }
 
-function plain(line: Line): [number, number][] {
+function plain(line: Line | Area['corners_m']): [number, number][] {
   return line.map(([north, east]): [number, number] => [north, east]);
-}
-
-function robotFigure(): { figure: SVGElement; arrow: SVGElement } {
-  const figure = document.createElementNS(SVG, 'svg');
-  figure.setAttribute('viewBox', '0 0 28 28');
-  figure.setAttribute('width', '28');
-  figure.setAttribute('height', '28');
-  const arrow = document.createElementNS(SVG, 'path');
-  arrow.setAttribute('d', 'M14 4 L19.5 21 L14 17.5 L8.5 21 Z');
-  arrow.setAttribute('class', 'map-arrow');
-  figure.append(arrow);
-  return { figure, arrow };
 }

@@ -104,6 +104,22 @@ export function finiteRange(values: Iterable<number | null>): [number, number] |
   return low === high ? [low - 0.5, high + 0.5] : [low, high];
 }
 
+/**
+ * Values of a map in another scale than they come in.
+ *
+ * @param floor Least value that a logarithm is taken of.
+ */
+export function rescaled(
+  values: readonly (number | null)[],
+  from: 'linear' | 'log',
+  to: 'linear' | 'log',
+  floor: number,
+): readonly (number | null)[] {
+  if (from === to) return values;
+  const change = from === 'log' ? Math.exp : (value: number) => Math.log(Math.max(value, floor));
+  return values.map((value) => (value === null ? null : change(value)));
+}
+
 /** Outer edges of the cells whose centres are given. */
 export function extent(values: readonly number[]): [number, number] {
   const first = values[0] ?? 0;

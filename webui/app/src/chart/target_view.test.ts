@@ -1,6 +1,13 @@
 import { describe, expect, test } from 'vitest';
 import { ellipse95 } from './ellipse';
-import { courseOf, fadingTrail, firstRound, scaleOf, sightAround, wholeWater } from './target_view';
+import {
+  courseOf,
+  fadingTrail,
+  firstRound,
+  scaleOfView,
+  sightAround,
+  wholeWater,
+} from './target_view';
 
 const TANK = {
   water: { x_min_m: -1, x_max_m: 3, y_min_m: -1, y_max_m: 2, depth_max_m: 1.2 },
@@ -71,8 +78,7 @@ describe('the part of the water in sight', () => {
 
 describe('the picture from above', () => {
   test('has north up and the same scale both ways', () => {
-    const scale = scaleOf({ north: 0, east: 0, tall: 10, wide: 10 }, 400, 220, 10);
-    expect(scale.perM).toBe(20);
+    const scale = scaleOfView({ perM: 20, width: 400, height: 220, top: 5.5, left: -10 });
     expect([scale.toX(0), scale.toY(0)]).toEqual([200, 110]);
     expect(scale.toY(1)).toBe(90);
     expect(scale.toX(1)).toBe(220);

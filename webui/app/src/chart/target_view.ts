@@ -1,4 +1,5 @@
 import type { Box, NorthEast, Site } from '../api/types';
+import type { MapView } from './site_map';
 
 /** The part of the water in sight: its middle and the least extents that must be seen, m. */
 export interface Sight {
@@ -66,24 +67,23 @@ export interface Scale {
   toY: (north: number) => number;
   /** Pixels of a metre. */
   perM: number;
+  width: number;
+  height: number;
   /** What the picture really shows, m. */
   norths: [low: number, high: number];
   easts: [low: number, high: number];
 }
 
-export function scaleOf(sight: Sight, width: number, height: number, marginPx: number): Scale {
-  const perM = Math.max(
-    1e-6,
-    Math.min((width - 2 * marginPx) / sight.wide, (height - 2 * marginPx) / sight.tall),
-  );
-  const toX = (east: number) => width / 2 + (east - sight.east) * perM;
-  const toY = (north: number) => height / 2 - (north - sight.north) * perM;
+/** The scale of what a map shows now. */
+export function scaleOfView({ perM, width, height, top, left }: MapView): Scale {
   return {
-    toX,
-    toY,
+    toX: (east) => (east - left) * perM,
+    toY: (north) => (top - north) * perM,
     perM,
-    norths: [sight.north - height / 2 / perM, sight.north + height / 2 / perM],
-    easts: [sight.east - width / 2 / perM, sight.east + width / 2 / perM],
+    width,
+    height,
+    norths: [top - height / perM, top],
+    easts: [left, left + width / perM],
   };
 }
 

@@ -1,3 +1,4 @@
+import type { GridKind } from '../chart/graticule';
 import type { PositionFormat } from '../text/position';
 
 export type Theme = 'dark' | 'day' | 'night-red';
@@ -20,6 +21,12 @@ export class Preference {
   robot = $state<string | null>(null);
   /** What a view of a site shows; `null` before anybody chose. */
   view = $state<View | null>(null);
+  /** Layers that maps leave out. */
+  hiddenLayers = $state.raw<readonly string[]>([]);
+  /** Lines of maps; `null` before anybody chose. */
+  grid = $state<GridKind | null>(null);
+  /** Picture under maps: the id of one, empty for none, `null` for the first that reaches there. */
+  baseMap = $state<string | null>(null);
 
   constructor() {
     const kept = read();
@@ -27,6 +34,13 @@ export class Preference {
     if (kept.position === 'minutes' || kept.position === 'seconds') this.position = kept.position;
     if (kept.view === 'scene' || kept.view === 'above') this.view = kept.view;
     if (typeof kept.robot === 'string') this.robot = kept.robot;
+    if (typeof kept.baseMap === 'string') this.baseMap = kept.baseMap;
+    if (kept.grid === 'geographic' || kept.grid === 'metres' || kept.grid === 'none') {
+      this.grid = kept.grid;
+    }
+    if (Array.isArray(kept.hiddenLayers)) {
+      this.hiddenLayers = kept.hiddenLayers.filter((one) => typeof one === 'string');
+    }
     document.documentElement.dataset.theme = this.theme;
   }
 
@@ -47,6 +61,9 @@ export class Preference {
       position: this.position,
       robot: this.robot,
       view: this.view,
+      hiddenLayers: this.hiddenLayers,
+      grid: this.grid,
+      baseMap: this.baseMap,
     });
     try {
       localStorage.setItem(KEY, kept);

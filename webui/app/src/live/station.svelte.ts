@@ -1,8 +1,10 @@
 import { Api } from '../api/client';
+import type { Catalogue } from '../part/gauge';
 import { Problem, sentence } from '../api/problem';
 import type {
   Alarm,
   Command,
+  Fault,
   Health,
   Job,
   LiveRobot,
@@ -59,6 +61,14 @@ export class Station {
   readonly alarms = $derived.by((): readonly Alarm[] => this.#alarms.value ?? []);
   /** Whether the station has said which alarms stand. */
   readonly hasAlarms = $derived.by(() => this.#alarms.value !== null);
+  readonly #channels = new Fetched(() => this.api.channel.channels());
+  /** Every channel that the station knows, by key, in the order of a screen. */
+  readonly channels = $derived.by((): Catalogue =>
+    Object.fromEntries((this.#channels.value ?? []).map((one) => [one.key, one])),
+  );
+  readonly #faults = new Fetched(() => this.#readFaults());
+  /** What may be caused in simulated robots, and what was; empty where there is no demo. */
+  readonly faults = $derived.by((): readonly Fault[] => this.#faults.value ?? []);
   unacknowledged = $state.raw(0);
 
   /** Local time that ages and countdowns are read at; moves in steps. */
@@ -119,7 +129,8 @@ export class Station {
     }
     this.#stop();
     this.#clockwork = setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS);
-    const stop = [this.#robots.follow(), this.#alarms.follow()];
+    const all = [this.#robots, this.#alarms, this.#channels, this.#faults];
+    const stop = all.map((one) => one.follow());
     this.#unfollow = () => stop.forEach((end) => end());
     this.#socket.open();
   }
@@ -217,11 +228,17 @@ export class Station {
     return alarms;
   }
 
+  async #readFaults(): Promise<readonly Fault[]> {
+    return this.health?.demo ? this.api.demo.faults() : [];
+  }
+
   #opened(): void {
     if (this.#hasOpened) {
       this.#interruptions++;
       this.#robots.follow();
       this.#alarms.follow();
+      this.#channels.follow();
+      this.#faults.follow();
     }
     this.#isFirst = this.#hasOpened = true;
   }
@@ -246,6 +263,8 @@ export class Station {
     this.unacknowledged = tick.alarms.unacknowledged;
     if ('robots' in tick.changed) this.#robots.follow();
     if ('alarms' in tick.changed) this.#alarms.follow();
+    if ('channels' in tick.changed) this.#channels.follow();
+    if ('demo' in tick.changed) this.#faults.follow();
     for (const reader of this.#readers) reader(tick, isFirst);
   }
 

@@ -1,8 +1,13 @@
-import type { Channel } from '../api/types';
+import type { CatalogueChannel, Channel } from '../api/types';
 import { fixed, screenUnit } from '../text/unit';
 import { words } from '../text/word';
 
-/** How one channel is shown: a row of a table, nothing more. */
+export type Catalogue = Readonly<Record<string, CatalogueChannel>>;
+
+/** Channels that are shown together, in the order of a screen. */
+export type GaugeGroup = 'flight' | 'water' | 'housekeeping';
+
+/** How one channel is shown, as the catalogue of channels says. */
 export interface GaugeRow {
   key: string;
   title: string;
@@ -10,62 +15,60 @@ export interface GaugeRow {
   /** Unit on the screen where the station names none. */
   displayUnit: string | null;
   decimals: number;
+  group: GaugeGroup;
+  /** What a switch is called at 0 and at 1; `null` of what is no switch. */
+  switchWords: readonly [string, string] | null;
+  alarms: CatalogueChannel['alarms'];
 }
 
-const ROWS: readonly GaugeRow[] = [
-  row('depth_m', 'Depth', 2, 'Depth of the robot below the surface, by its pressure sensor.'),
-  row(
-    'position_std_m',
-    'Position uncertainty',
-    2,
-    'Standard deviation of the horizontal position, as the robot estimates it: two thirds of all errors are smaller.',
-  ),
-  row('heading_rad', 'Heading', 0, 'Direction of the nose, clockwise from north.', 'deg'),
-  row('pitch_rad', 'Pitch', 1, 'Nose up is positive.', 'deg'),
-  row('roll_rad', 'Roll', 1, 'Right wing down is positive.', 'deg'),
-  row('speed_m_s', 'Speed', 3, 'Speed through space, as the robot estimates it.'),
-  row('battery_fraction', 'Battery', 0, 'Charge that is left.', '%'),
-  row('battery_v', 'Battery voltage', 2, 'Voltage of the battery under its present load.'),
-  row('net_buoyancy_kg', 'Net buoyancy', 1, 'Excess mass. Positive sinks, negative rises.', 'g'),
-  row(
-    'mass_position_m',
-    'Mass position',
-    1,
-    'Position of the movable mass. Forward is positive and turns the nose down.',
-    'mm',
-  ),
-  row('tail_rad', 'Tail', 1, 'Angle of the tail. It turns the robot.', 'deg'),
-  row(
-    'energy_used',
-    'Energy used',
-    1,
-    'Energy units of the plan’s account since the mission began.',
-    'units',
-  ),
-];
+const GROUPS: Record<CatalogueChannel['kind'], GaugeGroup> = {
+  flight: 'flight',
+  field: 'water',
+  housekeeping: 'housekeeping',
+  switch: 'housekeeping',
+};
 
-function row(
-  key: string,
-  title: string,
-  decimals: number,
-  help: string,
-  displayUnit: string | null = null,
-): GaugeRow {
-  return { key, title, decimals, help, displayUnit };
+export const GROUP_TITLES: Record<GaugeGroup, string> = {
+  flight: 'Flight',
+  water: 'Water',
+  housekeeping: 'Housekeeping',
+};
+
+/** Row of a channel; one that the catalogue does not have is shown with what the station says. */
+export function gaugeRow(catalogue: Catalogue, key: string): GaugeRow {
+  const known = catalogue[key];
+  if (!known) {
+    return {
+      key,
+      title: words(key),
+      help: '',
+      displayUnit: null,
+      decimals: 2,
+      group: 'water',
+      switchWords: null,
+      alarms: [],
+    };
+  }
+  return {
+    key,
+    title: known.title,
+    help: known.help,
+    displayUnit: known.display_unit,
+    decimals: known.decimals,
+    group: GROUPS[known.kind],
+    switchWords: known.kind === 'switch' ? known.switch_words : null,
+    alarms: known.alarms,
+  };
 }
 
-/** Row of a channel; one that the table does not know is shown with what the station says. */
-export function gaugeRow(key: string): GaugeRow {
-  return (
-    ROWS.find((known) => known.key === key) ?? row(key, words(key), 2, 'Measured by the payload.')
-  );
-}
-
-/** The rows of the channels that a robot reports, known ones first and in the table's order. */
-export function gaugeRows(channels: Readonly<Record<string, Channel>>): GaugeRow[] {
-  const known = ROWS.filter(({ key }) => key in channels);
-  const others = Object.keys(channels).filter((key) => !ROWS.some((each) => each.key === key));
-  return [...known, ...others.map(gaugeRow)];
+/** The rows of the channels that a robot reports, in the catalogue's order. */
+export function gaugeRows(
+  catalogue: Catalogue,
+  channels: Readonly<Record<string, Channel>>,
+): GaugeRow[] {
+  const known = Object.keys(catalogue).filter((key) => key in channels);
+  const others = Object.keys(channels).filter((key) => !(key in catalogue));
+  return [...known, ...others].map((key) => gaugeRow(catalogue, key));
 }
 
 export interface Reading {
@@ -80,6 +83,7 @@ export function reading(
   unit: string,
   displayUnit?: string | null,
 ): Reading {
+  if (gauge.switchWords) return { text: gauge.switchWords[value >= 0.5 ? 1 : 0], unit: '' };
   const shown = screenUnit(unit, displayUnit ?? gauge.displayUnit);
   const onScreen = value * shown.factor;
   if (gauge.key === 'heading_rad') {
@@ -89,10 +93,35 @@ export function reading(
   return { text: fixed(onScreen, decimalsFor(gauge, onScreen)), unit: shown.label };
 }
 
+/** The gravest level whose limit a value is beyond; `null` where it is normal. */
+export function alarmLevel(
+  gauge: GaugeRow,
+  value: number,
+): CatalogueChannel['alarms'][number]['level'] | null {
+  const crossed = gauge.alarms.find(
+    ({ low, high }) => (low !== null && value < low) || (high !== null && value > high),
+  );
+  return crossed?.level ?? null;
+}
+
+/** Beyond which values a channel raises alarms, for a title. */
+export function limitWords(gauge: GaugeRow, unit: string): string {
+  const label = screenUnit(unit, gauge.displayUnit).label;
+  return gauge.alarms
+    .map(({ level, low, high }) => {
+      const ends = [
+        low === null ? '' : `below ${low} ${label}`,
+        high === null ? '' : `above ${high} ${label}`,
+      ];
+      return `${level} ${ends.filter(Boolean).join(' or ')}`.trim();
+    })
+    .join(', ');
+}
+
 /** Large values need fewer decimals; a well known position is known to millimetres. */
 function decimalsFor(gauge: GaugeRow, value: number): number {
   const size = Math.abs(value);
   if (gauge.key === 'position_std_m' && size < 0.1) return gauge.decimals + 1;
   const spare = size >= 1000 ? 2 : size >= 100 ? 1 : 0;
-  return Math.max(0, gauge.decimals - spare);
+  return Math.max(0, gauge.decimals - (gauge.group === 'flight' ? spare : 0));
 }

@@ -111,6 +111,8 @@ const NAMES: Record<string, string> = {
   start: 'Start',
   quiet: 'Stop pinging:',
   ping: 'Ping again:',
+  arm: 'Arm',
+  disarm: 'Disarm',
 };
 
 /** Kind and addressee of an order, such as "Surface mini-1". */

@@ -1,7 +1,7 @@
 import { describe, expect, test, vi } from 'vitest';
-import type { Command, Plan, RobotLink } from '../api/types';
+import type { CatalogueChannel, Command, Plan, RobotLink } from '../api/types';
 import type { RobotLive } from '../live/station.svelte';
-import { gaugeRow, gaugeRows, reading } from './gauge';
+import { alarmLevel, gaugeRow, gaugeRows, limitWords, reading } from './gauge';
 import { Keyboard } from './keyboard';
 import { commandSteps, isFinished, orderSteps, orderText } from './order_steps';
 import { planSentence, planSteps } from './plan_steps';
@@ -152,30 +152,103 @@ describe('a plan', () => {
   });
 });
 
+function known(key: string, title: string, others: Partial<CatalogueChannel> = {}) {
+  const channel = {
+    key,
+    title,
+    help: '',
+    kind: 'flight',
+    display_unit: null,
+    decimals: 2,
+    alarms: [],
+    switch_words: ['off', 'on'],
+    ...others,
+  } as unknown as CatalogueChannel;
+  return [key, channel] as const;
+}
+
+const CATALOGUE = Object.fromEntries([
+  known('depth_m', 'Depth'),
+  known('position_std_m', 'Position uncertainty'),
+  known('heading_rad', 'Heading', { display_unit: 'deg', decimals: 0 }),
+  known('pitch_rad', 'Pitch', { display_unit: 'deg', decimals: 1 }),
+  known('net_buoyancy_kg', 'Net buoyancy', { display_unit: 'g', decimals: 1 }),
+  known('battery_fraction', 'Battery', { display_unit: '%', decimals: 0 }),
+  known('salinity', 'Practical salinity', { kind: 'field', decimals: 3 }),
+  known('leak', 'Leak', {
+    kind: 'switch',
+    switch_words: ['dry', 'LEAK'],
+    alarms: [{ level: 'critical', low: null, high: 0.5 }],
+  }),
+  known('internal_temperature', 'Internal temperature', {
+    kind: 'housekeeping',
+    alarms: [
+      { level: 'critical', low: null, high: 75 },
+      { level: 'warning', low: -5, high: 60 },
+    ],
+  }),
+]);
+
 describe('a gauge', () => {
+  test('of a switch is a word', () => {
+    const leak = gaugeRow(CATALOGUE, 'leak');
+    expect(reading(leak, 0, '1')).toEqual({ text: 'dry', unit: '' });
+    expect(reading(leak, 1, '1')).toEqual({ text: 'LEAK', unit: '' });
+    expect(alarmLevel(leak, 1)).toBe('critical');
+    expect(alarmLevel(leak, 0)).toBeNull();
+  });
+
+  test('knows the gravest limit that is crossed, and says all', () => {
+    const row = gaugeRow(CATALOGUE, 'internal_temperature');
+    expect([-9, 20, 61, 76].map((value) => alarmLevel(row, value))).toEqual([
+      'warning',
+      null,
+      'warning',
+      'critical',
+    ]);
+    expect(limitWords(row, 'degC')).toBe(
+      'critical above 75 °C, warning below -5 °C or above 60 °C',
+    );
+  });
+
+  test('stands with others of its kind, with all its digits', () => {
+    expect(gaugeRow(CATALOGUE, 'salinity').group).toBe('water');
+    expect(gaugeRow(CATALOGUE, 'leak').group).toBe('housekeeping');
+    expect(reading(gaugeRow(CATALOGUE, 'salinity'), 34.7, '1')).toEqual({
+      text: '34.700',
+      unit: '',
+    });
+  });
+
   test('shows angles in degrees and headings in three digits', () => {
-    expect(reading(gaugeRow('pitch_rad'), 0.3, 'rad', 'deg')).toEqual({ text: '17.2', unit: '°' });
-    expect(reading(gaugeRow('heading_rad'), -0.02, 'rad')).toEqual({ text: '359', unit: '°' });
-    expect(reading(gaugeRow('heading_rad'), 2 * Math.PI - 0.001, 'rad')).toEqual({
+    expect(reading(gaugeRow(CATALOGUE, 'pitch_rad'), 0.3, 'rad', 'deg')).toEqual({
+      text: '17.2',
+      unit: '°',
+    });
+    expect(reading(gaugeRow(CATALOGUE, 'heading_rad'), -0.02, 'rad')).toEqual({
+      text: '359',
+      unit: '°',
+    });
+    expect(reading(gaugeRow(CATALOGUE, 'heading_rad'), 2 * Math.PI - 0.001, 'rad')).toEqual({
       text: '000',
       unit: '°',
     });
   });
 
   test('shows small numbers in their own unit', () => {
-    expect(reading(gaugeRow('net_buoyancy_kg'), -0.0241, 'kg')).toEqual({
+    expect(reading(gaugeRow(CATALOGUE, 'net_buoyancy_kg'), -0.0241, 'kg')).toEqual({
       text: '−24.1',
       unit: 'g',
     });
-    expect(reading(gaugeRow('battery_fraction'), 0.684, '', '%')).toEqual({
+    expect(reading(gaugeRow(CATALOGUE, 'battery_fraction'), 0.684, '', '%')).toEqual({
       text: '68',
       unit: '%',
     });
   });
 
   test('shows a well known position to the millimetre', () => {
-    expect(reading(gaugeRow('position_std_m'), 0.0034, 'm').text).toBe('0.003');
-    expect(reading(gaugeRow('position_std_m'), 0.34, 'm').text).toBe('0.34');
+    expect(reading(gaugeRow(CATALOGUE, 'position_std_m'), 0.0034, 'm').text).toBe('0.003');
+    expect(reading(gaugeRow(CATALOGUE, 'position_std_m'), 0.34, 'm').text).toBe('0.34');
   });
 
   test('of an unknown channel is shown all the same', () => {
@@ -187,8 +260,10 @@ describe('a gauge', () => {
       received_at: '',
       age_s: 0,
       limit_s: 5,
+      is_derived: false,
+      impossible: 0,
     };
-    const rows = gaugeRows({ turbidity: channel, depth_m: channel });
+    const rows = gaugeRows(CATALOGUE, { turbidity: channel, depth_m: channel });
     expect(rows.map(({ title }) => title)).toEqual(['Depth', 'Turbidity']);
   });
 });

@@ -35,3 +35,48 @@ export function latitude(degrees: number, format: PositionFormat): string {
 export function longitude(degrees: number, format: PositionFormat): string {
   return `${angle(degrees, 3, format)} ${degrees < 0 ? 'W' : 'E'}`;
 }
+
+/** What stands between the numbers of a position. */
+const MARKS = /[°º'′’"″”:]/g;
+const ONE = /^([NSEW]?)\s*([+-]?[\d.]+)(?:\s+([\d.]+))?(?:\s+([\d.]+))?\s*([NSEW]?)$/;
+
+/**
+ * A position as it is typed, in any of the notations, latitude first: `42.76, -84.38`,
+ * `42 45.6 N 84 22.8 W`, `42° 45′ 36″ N, 084° 22′ 48″ W`. `null` if it is none.
+ */
+export function parsePosition(text: string): { latitude: number; longitude: number } | null {
+  const plain = text
+    .toUpperCase()
+    .replaceAll(MARKS, ' ')
+    .replaceAll('\u2212', '-')
+    .trim()
+    .replaceAll(/\s+/g, ' ');
+  const halves = plain.includes(',')
+    ? plain.split(',')
+    : (/^(.*?[NS])\s*(.*[EW])$/.exec(plain)?.slice(1) ??
+      /^(\S+) (\S+)$/.exec(plain)?.slice(1) ??
+      []);
+  const [north, east] = halves.map((half) => half.trim());
+  const latitude = parseAngle(north ?? '', 'NS', 90);
+  const longitude = parseAngle(east ?? '', 'EW', 180);
+  return latitude === null || longitude === null ? null : { latitude, longitude };
+}
+
+function parseAngle(text: string, letters: string, most: number): number | null {
+  const found = ONE.exec(text);
+  if (!found) return null;
+  const letter = found[1] ?? '';
+  const behind = found[5] ?? '';
+  const side = letter || behind;
+  if ((letter && behind) || (side && !letters.includes(side))) return null;
+  const parts = [found[2], found[3], found[4]].filter(Boolean);
+  const numbers = parts.map(Number);
+  const [whole = NaN, minutes = 0, seconds = 0] = numbers;
+  const isWhole = (value: number, i: number) => i === numbers.length - 1 || Number.isInteger(value);
+  if (!numbers.every(Number.isFinite) || !numbers.every(isWhole)) return null;
+  if (minutes >= 60 || seconds >= 60 || (side && whole < 0)) return null;
+  const size = Math.abs(whole) + minutes / 60 + seconds / 3600;
+  const isNegative = (parts[0] ?? '').startsWith('-') || side === 'S' || side === 'W';
+  if (size > most) return null;
+  return isNegative ? -size : size;
+}

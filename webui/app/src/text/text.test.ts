@@ -1,6 +1,7 @@
+import { readFileSync } from 'node:fs';
 import { offByNow } from './growth';
 import { describe, expect, test } from 'vitest';
-import { wgs84 } from './frame';
+import { convergence, northEast, wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
 import {
@@ -47,6 +48,19 @@ describe('times', () => {
   });
 });
 
+/** Drawn with GeographicLib, against which `tests/autonomy/test_frames.py` holds this file. */
+const PAIRS = JSON.parse(readFileSync('../../tests/data/geodesic_pairs.json', 'utf8')) as {
+  origin: [number, number];
+  north_east_m: [number, number];
+  wgs84: [number, number];
+  frame_heading_deg: number;
+  heading_deg: number;
+}[];
+
+function degreesApart(one: number, other: number): number {
+  return ((((one - other + 180) % 360) + 360) % 360) - 180;
+}
+
 describe('positions', () => {
   test('are written in all three notations', () => {
     expect(latitude(42.7251, 'degrees')).toBe('42.72510° N');
@@ -64,6 +78,22 @@ describe('positions', () => {
     const place = wgs84(site, 500, -500);
     expect(place.latitude).toBeCloseTo(42.76 + 500 / 111_081, 6);
     expect(place.longitude).toBeCloseTo(-84.38 - 500 / 81_870, 5);
+    expect(northEast(site, 42.76, -84.38)).toEqual([0, 0]);
+  });
+
+  test('and headings up to 50 km from it are those of geodesics', () => {
+    for (const pair of PAIRS) {
+      const [latitude, longitude] = pair.origin;
+      const site = { origin_latitude_deg: latitude, origin_longitude_deg: longitude };
+      const [north, east] = pair.north_east_m;
+      const place = wgs84(site, north, east);
+      expect(place.latitude).toBeCloseTo(pair.wgs84[0], 8);
+      expect(Math.abs(degreesApart(place.longitude, pair.wgs84[1]))).toBeLessThan(5e-9);
+      const back = northEast(site, ...pair.wgs84);
+      expect(Math.hypot(back[0] - north, back[1] - east)).toBeLessThan(0.001);
+      const heading = pair.frame_heading_deg + (convergence(site, north, east) * 180) / Math.PI;
+      expect(Math.abs(degreesApart(heading, pair.heading_deg))).toBeLessThan(0.01);
+    }
   });
 });
 
@@ -80,6 +110,8 @@ describe('numbers', () => {
     expect(screenUnit('kg/(m s)').label).toBe('kg/(m·s)');
     expect(screenUnit('m/s^0.5').label).toBe('m/√s');
     expect(screenUnit('ug/L').label).toBe('µg/L');
+    expect(screenUnit('umol m-2 s-1').label).toBe('µmol·m⁻²·s⁻¹');
+    expect(screenUnit('1e-9').label).toBe('ppb');
   });
 
   test('lose float noise when they are typed', () => {

@@ -23,19 +23,20 @@ const LABELS: Record<string, string> = {
   'deg/s': '°/s',
   degC: '°C',
   '1': '',
-  'ug/L': 'µg/L',
+  '1e-9': 'ppb',
   'm/s^0.5': 'm/√s',
 };
 
-const RAISED: Record<string, string> = { '2': '²', '3': '³', '4': '⁴' };
+const RAISED: Record<string, string> = { '-': '⁻', '1': '¹', '2': '²', '3': '³', '4': '⁴' };
 
 /** `kg m2/s^3` as it is written: raised digits, dots between factors. */
 function unitLabel(unit: string): string {
   return (
     LABELS[unit] ??
     unit
-      .replaceAll(/([A-Za-z])\^?([234])(?![\d.])/g, (_, letter: string, digit: string) => {
-        return letter + (RAISED[digit] ?? digit);
+      .replaceAll(/\bu(?=(?:mol|g|m|l|L|S|V|A|Pa|s)\b)/g, 'µ')
+      .replaceAll(/([A-Za-z])\^?(-?[1234])(?![\d.])/g, (_, letter: string, power: string) => {
+        return letter + Array.from(power, (sign) => RAISED[sign] ?? sign).join('');
       })
       .replaceAll(/[ *]+/g, '·')
   );

@@ -22,6 +22,8 @@ const HELP: Record<string, string> = {
     'Tariff and daily budget of satellite messages, how long they stand, and how often the robot calls.',
   acoustic: 'Speed of sound and how often and how far the acoustic modem measures ranges.',
   link: 'Which link plans and orders take.',
+  standard_commands:
+    'What a MAVLink vehicle is told for “surface”, “hold” and “resume”; its maker says the numbers.',
 };
 
 interface Group {
@@ -33,7 +35,10 @@ const GROUPS: readonly Group[] = [
   { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
   { title: 'Following a target', has: (kind) => kind === 'tracking' },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
-  { title: 'Links', has: (kind) => ['satellite', 'link', 'acoustic'].includes(kind) },
+  {
+    title: 'Links',
+    has: (kind) => ['satellite', 'link', 'acoustic', 'standard_commands'].includes(kind),
+  },
   {
     title: 'Vehicle',
     has: (kind) => ['battery', 'trim', 'identification', 'trial'].includes(kind),

@@ -4,6 +4,16 @@ import { faultOf, fitting, isKept, valueText } from './parameter';
 
 const REAL: Parameter = {
   name: 'CTRL_K_PITCH',
+  title: '',
+  help: '',
+  unit: '',
+  default: null,
+  minimum: null,
+  maximum: null,
+  values: [],
+  needs_reboot: false,
+  is_default: null,
+  other: null,
   value: 1.4,
   type: 'real32',
   is_integer: false,

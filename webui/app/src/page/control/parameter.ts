@@ -9,6 +9,11 @@ export function fitting(parameters: readonly Parameter[], filter: string): Param
     .toSorted((a, b) => a.name.localeCompare(b.name));
 }
 
+/** Whether a parameter has not its default, or not what the robot beside has. */
+export function isDiffering({ is_default: isDefault, other, value }: Parameter): boolean {
+  return isDefault === false || (other !== null && other !== value);
+}
+
 export function valueText({ value, is_integer: isInteger }: Parameter): string {
   return isInteger ? String(value) : plainNumber(value, 7);
 }

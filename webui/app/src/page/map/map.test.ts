@@ -6,7 +6,7 @@ import { samplesOfTrack, slicer, spotsOf } from './spot';
 import { middleOf, normalShare, probabilitiesAbove, shareSentence, stepOf } from './threshold';
 
 const MAP: FieldMap = {
-  robot: 'mini-1', variable: 'blue_light', title: '', unit: '', scale: 'linear', model: 'single',
+  robot: 'mini-1', variable: 'blue_light', title: '', unit: '', scale: 'linear', model: 'single', colour_map: 'viridis', is_derived: false,
   axes: { x_m: [0, 1], y_m: [0, 1], z_m: [0, 1] }, mean: [1, 2, 3, 4, 5, 6, 7, 8], std: [],
   samples: { total: 0, per_fidelity: [] }, updated_at: null, scores: null,
   value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
@@ -24,7 +24,7 @@ test('a slice has no number where there is no water', () => {
 
 describe('samples on a slice', () => {
   const samples: Samples = {
-    robot: 'mini-1', channel: 'blue_light', unit: '', measured_at: [], value: [], decimated: false,
+    robot: 'mini-1', channel: 'blue_light', unit: '', measured_at: [], value: [], decimated: false, is_derived: false,
     north_m: [0.1, 0.9, 0.2, null], east_m: [0.3, 0.4, 0.5, 0], depth_m: [0.1, 0.1, 0.9, 0],
     fidelity: [2, 0, 1, 2], smoothed: [true, false, true, false],
   }; // prettier-ignore
@@ -51,7 +51,7 @@ describe('samples on a slice', () => {
   test('are the track itself, without its drift, where the station places none', () => {
     const track = {
       robot: 'mini-1', measured_at: [], north_m: [0, 1], east_m: [0, 1], depth_m: [0, 0],
-      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [], decimated: false,
+      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [], decimated: false, is_derived: false,
     }; // prettier-ignore
     expect(samplesOfTrack(track, 'blue_light').fidelity).toEqual([2, null]);
   });
