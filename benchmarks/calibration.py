@@ -38,7 +38,7 @@ Statistic = Literal["best", "median", "wall"]
 many; the median of the processor's time, for medians and sums of it; the mean of the wall clock,
 for delays, which other programs lengthen."""
 
-_SOURCE = Path(__file__).with_name("vehicle.c")
+_SOURCE = Path(__file__).parent / "flight" / "vehicle.c"
 
 
 class NotMeasuredError(Exception):

@@ -18,36 +18,41 @@ from rich.table import Table
 
 from benchmarks.calibration import NotMeasuredError
 
-AREAS = (
-    "vehicle",
-    "control",
-    "actuator_flight",
-    "claims",
-    "estimation",
-    "estimation_hidden",
-    "identification",
-    "identification_coverage",
-    "field",
-    "field_speed",
-    "field_learning",
-    "field_real",
-    "field_quality",
-    "field_current",
-    "field_threshold",
-    "currents",
-    "planner",
-    "expected_track",
-    "tracking",
-    "tracking_speed",
-    "tracking_predictive",
-    "telemetry",
-    "radio",
-    "ingest",
-    "satellite",
-    "garbage",
-    "live",
-    "stored",
-)
+AREAS = {
+    "vehicle": "benchmarks.flight.vehicle",
+    "control": "benchmarks.flight.control",
+    "actuator_flight": "benchmarks.flight.actuator_flight",
+    "claims": "benchmarks.flight.claims",
+    "estimation": "benchmarks.estimation.estimation",
+    "estimation_hidden": "benchmarks.estimation.estimation_hidden",
+    "identification": "benchmarks.estimation.identification",
+    "identification_coverage": "benchmarks.estimation.identification_coverage",
+    "field": "benchmarks.field.field",
+    "field_speed": "benchmarks.field.field_speed",
+    "field_learning": "benchmarks.field.field_learning",
+    "field_real": "benchmarks.field.field_real",
+    "field_quality": "benchmarks.field.field_quality",
+    "field_current": "benchmarks.field.field_current",
+    "field_threshold": "benchmarks.field.field_threshold",
+    "currents": "benchmarks.field.currents",
+    "planner": "benchmarks.planning.planner",
+    "tags": "benchmarks.field.tags",
+    "water": "benchmarks.planning.water",
+    "base_map": "benchmarks.station.base_map",
+    "expected_track": "benchmarks.flight.expected_track",
+    "tracking": "benchmarks.planning.tracking",
+    "tracking_speed": "benchmarks.planning.tracking_speed",
+    "tracking_predictive": "benchmarks.planning.tracking_predictive",
+    "telemetry": "benchmarks.station.telemetry",
+    "radio": "benchmarks.link.radio",
+    "ingest": "benchmarks.station.ingest",
+    "satellite": "benchmarks.link.satellite",
+    "garbage": "benchmarks.link.garbage",
+    "live": "benchmarks.station.live",
+    "stored": "benchmarks.station.stored",
+    "samples": "benchmarks.station.samples",
+}
+"""The module that measures each, in the order of the table."""
 OUTPUT = Path("build/bench.json")
 
 
@@ -61,7 +66,7 @@ def main(areas: list[str]) -> int:
     for area in areas or AREAS:
         print(f"measuring {area}", flush=True)
         try:
-            rows += importlib.import_module(f"benchmarks.{area}").measure()
+            rows += importlib.import_module(AREAS[area]).measure()
         except NotMeasuredError as error:
             none = {"value": None, "unit": str(error), "bar": None, "met": False}
             rows.append({"area": area, "name": "no figure"} | none)

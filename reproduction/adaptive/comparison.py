@@ -8,7 +8,6 @@ from autonomy.field.config import FieldConfig, FieldModelKey, GridShape
 from autonomy.field.grid import Grid
 from autonomy.field.model.model import condition
 from autonomy.field.samples import FieldSamples
-from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.site import TANK
 from reproduction.adaptive.scenario import VARIABLE
@@ -32,7 +31,7 @@ def scores_of(field: FieldConfig, model: FieldModelKey, samples: FieldSamples) -
         samples: What it is conditioned on.
     """
     points = scoring_points()
-    truth = to_model(field.resolved_scale(), synthetic.truth(VARIABLE, points))
+    truth = field.in_model_scale(synthetic.truth(VARIABLE, points))
     given = condition(field.model_copy(update={"model": model}), samples)
     return score(given.mean(points), given.covariance(points), truth)
 
