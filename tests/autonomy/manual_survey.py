@@ -22,7 +22,6 @@ from autonomy.field.learning.model import learn_config
 from autonomy.field.learning.start import kernels_of_extent
 from autonomy.field.model.recursive import RecursiveGaussianProcess
 from autonomy.field.samples import FieldSamples
-from autonomy.field.scale import to_model
 from autonomy.site import LAKE, TANK, Box, Site
 
 _NOISE_FLOOR_SHARE = 0.5
@@ -96,7 +95,7 @@ def simulate_survey(
     a fix at the surface draws it anew.
 
     Args:
-        variable_key: A key of ``autonomy.field.variable``.
+        variable_key: A key of ``autonomy.channel``.
         box: Where the robot is led.
         motion: How.
         estimator: Noise that its position filter assumes, and true noise.
@@ -141,7 +140,7 @@ def derived_preset(variable_key: str, rng: np.random.Generator) -> FieldConfig:
     )
     survey = simulate_survey(variable_key, domain, motion, uncertain, 1000, rng)
     exact_survey = simulate_survey(variable_key, domain, motion, exact, 500, rng)
-    prior_mean = float(np.mean(to_model(preset.resolved_scale(), survey.values)))
+    prior_mean = float(np.mean(preset.in_model_scale(survey.values)))
     learned = learned_config(
         preset.model_copy(update={"prior_mean": prior_mean}), survey, exact_survey
     )
@@ -160,10 +159,9 @@ def learned_config(base: FieldConfig, survey: Survey, exact: Survey) -> FieldCon
     """
     noise = synthetic.measurement_noise(base.variable) ** 2
     floor = _NOISE_FLOOR_SHARE * noise
-    scale = base.resolved_scale()
-    truth = to_model(scale, exact.values) - base.prior_mean
+    truth = base.in_model_scale(exact.values) - base.prior_mean
     single = learn(exact.points, truth, _starts(exact.points, truth, noise), noise_floor=floor)
-    values = to_model(scale, survey.values) - base.prior_mean
+    values = base.in_model_scale(survey.values) - base.prior_mean
     sample_levels = fidelity_level(survey.position_std, base.fidelity_thresholds_m)
     levels: list[KernelParameters] = []
     for level, known in enumerate(base.levels):

@@ -11,7 +11,7 @@ from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
 )
 from autonomy.estimation.model_filter import ModelFilter
-from benchmarks.estimation import (
+from benchmarks.estimation.estimation import (
     STEADY_M_S,
     TANK_DIVE_S,
     flight,
@@ -19,9 +19,13 @@ from benchmarks.estimation import (
     water_of,
     wrong_model,
 )
-from benchmarks.estimation_trial.consistency import bounds, consistency, normalized_error_squared
-from benchmarks.estimation_trial.dead_reckoning import DEAD_RECKONING_PRESETS
-from benchmarks.estimation_trial.follow import (
+from benchmarks.estimation.estimation_trial.consistency import (
+    bounds,
+    consistency,
+    normalized_error_squared,
+)
+from benchmarks.estimation.estimation_trial.dead_reckoning import DEAD_RECKONING_PRESETS
+from benchmarks.estimation.estimation_trial.follow import (
     Track,
     by_dead_reckoning,
     by_model_filter,
@@ -30,9 +34,14 @@ from benchmarks.estimation_trial.follow import (
     observed_velocity,
     observer_covariance,
 )
-from benchmarks.estimation_trial.tag_filter import TagFilterConfig
-from benchmarks.estimation_trial.trial_flight import PERIOD_S, Flight, TagErrors, sightings
-from benchmarks.observer_table import Case, errors, true_run
+from benchmarks.estimation.estimation_trial.tag_filter import TagFilterConfig
+from benchmarks.estimation.estimation_trial.trial_flight import (
+    PERIOD_S,
+    Flight,
+    TagErrors,
+    sightings,
+)
+from benchmarks.estimation.observer_table import Case, errors, true_run
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 RUNS = 10

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.estimation_hidden import (
+from benchmarks.estimation.estimation_hidden import (
     Judged,
     default_filter,
     hidden_flight,

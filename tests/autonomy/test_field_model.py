@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from autonomy.channel import CHANNELS
 from autonomy.field.config import (
     FIELD_PRESETS,
     FieldConfig,
@@ -17,7 +18,6 @@ from autonomy.field.scale import from_model, to_model
 from autonomy.field.score import score
 from autonomy.field.synthetic import LARGEST_COUNT, measure, measurement_noise, truth
 from autonomy.field.thinning import space_filling
-from autonomy.field.variable import VARIABLES
 from autonomy.site import LAKE, TANK, Box
 
 
@@ -89,10 +89,10 @@ def test_a_singular_covariance_is_scored_and_nothing_at_all_is_refused() -> None
 
 def test_log_variables_are_mapped_by_their_logarithm_and_no_count_is_too_small() -> None:
     counts = np.array([0.0, 1.0, 4095.0])
-    seen = to_model("log", counts)
+    seen = to_model("log", counts, CHANNELS["blue_light"].log_floor)
     assert seen.tolist() == [math.log(0.5), 0.0, math.log(4095.0)]
     assert from_model("log", seen)[1:] == pytest.approx(counts[1:])
-    assert to_model("linear", counts).tolist() == counts.tolist()
+    assert to_model("linear", counts, 0.5).tolist() == counts.tolist()
     assert from_model("linear", counts).tolist() == counts.tolist()
 
 
@@ -133,8 +133,10 @@ def test_measurements_scatter_about_the_truth_by_the_stated_noise(key: str) -> N
     points = (
         np.tile([[100.0, 100.0, 5.0]], (4000, 1)) if key == "chlorophyll" else np.ones((4000, 3))
     )
-    scale = VARIABLES[key].scale
-    error = to_model(scale, measure(key, points, rng)) - to_model(scale, truth(key, points))
+    config = FIELD_PRESETS[key]
+    error = config.in_model_scale(measure(key, points, rng)) - config.in_model_scale(
+        truth(key, points)
+    )
     assert np.std(error) == pytest.approx(measurement_noise(key), rel=0.05)
     assert abs(np.mean(error)) < 0.05 * measurement_noise(key) * 2
 
@@ -182,13 +184,13 @@ def test_thinning_takes_each_sample_once_even_where_all_lie_together() -> None:
 def test_every_preset_maps_a_known_variable_of_its_key() -> None:
     for key, preset in FIELD_PRESETS.items():
         assert preset.variable == key
-        assert key in VARIABLES
+        assert key in CHANNELS
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"variable": "salt"}, "variable must be one of"),
+        ({"variable": "Salt!"}, "variable must be the key"),
         ({"fidelity_thresholds_m": (0.1,)}, "one number fewer than levels"),
         ({"fidelity_thresholds_m": (0.2, 0.1)}, "must ascend"),
         ({"fidelity_thresholds_m": (-0.2, 0.1)}, "must be positive"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import CHANNELS
 from autonomy.field.config import KernelParameters
 from autonomy.field.learning.noise import Part, cross_validated_noise, leave_one_out
 from autonomy.field.learning.recorded import fit_recording, recorded_map
@@ -22,7 +23,9 @@ def yo_yo_recording(n: int) -> tuple[FloatArray, FloatArray]:
 
 def test_a_recording_is_learned_scored_and_mapped() -> None:
     points, values = yo_yo_recording(800)
-    fit = fit_recording("chlorophyll", points, values, np.random.default_rng(0), training=250)
+    fit = fit_recording(
+        CHANNELS["chlorophyll"], points, values, np.random.default_rng(0), training=250
+    )
     assert (fit.training, fit.test) == (250, 200)
     assert fit.scores.rmse < 0.25
     assert 0.8 <= fit.scores.coverage_90 <= 1.0
@@ -36,22 +39,24 @@ def test_a_recording_with_holes_or_hardly_any_samples_is_refused() -> None:
     points, values = yo_yo_recording(100)
     rng = np.random.default_rng(0)
     with pytest.raises(ValueError, match="at least 20 samples above 1 m"):
-        fit_recording("chlorophyll", points, values, rng, depth_limit_m=1.0)
+        fit_recording(CHANNELS["chlorophyll"], points, values, rng, depth_limit_m=1.0)
     values[3] = np.nan
     with pytest.raises(ValueError, match="finite"):
-        fit_recording("chlorophyll", points, values, rng)
+        fit_recording(CHANNELS["chlorophyll"], points, values, rng)
 
 
 def test_a_recording_of_one_constant_at_one_place_is_mapped() -> None:
     points, values = np.ones((40, 3)), np.full(40, 3.0)
-    fit = fit_recording("chlorophyll", points, values, np.random.default_rng(0))
+    fit = fit_recording(CHANNELS["chlorophyll"], points, values, np.random.default_rng(0))
     assert recorded_map(fit, points, values).mean == pytest.approx(3.0, abs=1e-3)
 
 
 @pytest.mark.skipif(not DEPLOYMENT.exists(), reason=f"{DEPLOYMENT.name} is not on this machine")
 def test_chlorophyll_of_a_real_glider_is_mapped_to_a_third_of_its_spread() -> None:
     points, rows = deployment()
-    fit = fit_recording("chlorophyll", points, rows["chlorophyll"], np.random.default_rng(0))
+    fit = fit_recording(
+        CHANNELS["chlorophyll"], points, rows["chlorophyll"], np.random.default_rng(0)
+    )
     assert (fit.training, fit.test) == (900, 400)
     assert fit.scores.rmse < 0.306
     assert fit.scores.nlpd <= 0.0
@@ -61,7 +66,9 @@ def test_chlorophyll_of_a_real_glider_is_mapped_to_a_third_of_its_spread() -> No
 @pytest.mark.skipif(not DEPLOYMENT.exists(), reason=f"{DEPLOYMENT.name} is not on this machine")
 def test_temperature_of_a_real_glider_is_not_claimed_more_certain_than_it_is() -> None:
     points, rows = deployment()
-    fit = fit_recording("temperature", points, rows["temperature"], np.random.default_rng(0))
+    fit = fit_recording(
+        CHANNELS["temperature"], points, rows["temperature"], np.random.default_rng(0)
+    )
     assert fit.scores.rmse < 0.06
     assert fit.scores.nlpd < -1.5
     assert fit.scores.coverage_90 >= 0.80

@@ -16,7 +16,7 @@ from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
 from autonomy.identification.unknown import Unknown
 from autonomy.vehicle.config import MINIGLIDER, Vehicle
-from benchmarks.identification_coverage import FREE
+from benchmarks.estimation.identification_coverage import FREE
 from tests.autonomy.identification_flight import open_loop_recording
 
 CONFIG = IdentificationConfig(

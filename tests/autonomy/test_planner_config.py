@@ -127,7 +127,7 @@ TRIANGLE = {"name": "Moorings", "corners_m": ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 @pytest.mark.parametrize(
     ("corners", "reason"),
     [
-        (((0.0, 0.0), (1.0, 1.0)), "3 to 64 corners, not 2"),
+        (((0.0, 0.0), (1.0, 1.0)), "3 to 256 corners, not 2"),
         (((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)), "corners_m crosses itself"),
         (((0.0, 0.0), (1.0, 1.0), (2.0, 2.0)), "encloses no area"),
         (((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)), "same corner twice"),

@@ -25,7 +25,7 @@ from autonomy.tracking.predictive.search import (
     resting_plan,
 )
 from autonomy.tracking.reference.observability import determinant, inverse_condition
-from benchmarks.predictive_peer import (
+from benchmarks.planning.predictive_peer import (
     casadi_cost,
     casadi_ipopt,
     casadi_qrqp,

@@ -68,7 +68,7 @@ def test_large_gauges_stand_on_one_line(screen, calm, size):
 def test_labels_of_a_map_do_not_lie_over_each_other(screen, calm, size):
     screen.set_viewport_size({"width": size[0], "height": size[1]})
     open_page(screen, calm, "/")
-    labels = screen.locator(".leaflet-container").last.locator(".map-label-below")
+    labels = screen.get_by_role("group", name="from above").last.locator(".map-label-below")
     expect(labels.first).to_be_attached()
     boxes = labels.evaluate_all(
         "each => each.map(one => one.getBoundingClientRect()).map(box => [box.left, box.right])"

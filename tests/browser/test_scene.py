@@ -177,7 +177,7 @@ def test_the_map_of_the_fleet_shows_the_trail_and_dashed_where_a_plan_leads(scre
     calm.post(f"/api/plans/{plan}/upload", {"start": False})
     calm.wait("on board", lambda: calm.get(f"/api/plans/{plan}")["state"] == "on_board", 60.0)
     open_page(screen, calm, "/")
-    tank = screen.get_by_role("img", name="Test tank from above with its robots")
+    tank = screen.get_by_role("group", name="Test tank from above with its robots")
     expect(tank.locator(".map-track").first).to_be_attached()
     leg = tank.locator(".map-leg").first
     expect(leg).to_be_attached()

@@ -102,8 +102,22 @@ def shoot(page: Page, name: str) -> None:
     page.set_viewport_size({"width": 1600, "height": 950})
 
 
+_NOTE_PRESS = """each => {
+  window.isPressed = false;
+  each.addEventListener('pointerdown', () => { window.isPressed = true; }, { once: true });
+}"""
+
+
 def hold(page: Page, name: re.Pattern[str]) -> None:
-    page.get_by_role("button", name=name).hover()
-    page.mouse.down()
+    """Hold a button for its second; pressed again where the page moved it away before the press."""
+    button = page.get_by_role("button", name=name)
+    is_pressed = False
+    while not is_pressed:
+        button.evaluate(_NOTE_PRESS)
+        button.hover()
+        page.mouse.down()
+        is_pressed = page.evaluate("window.isPressed")
+        if not is_pressed:
+            page.mouse.up()
     page.wait_for_timeout(1500)
     page.mouse.up()

@@ -5,10 +5,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE, TANK
-from db.query.robots import RobotRecord, add_robot
+from db.query.fleet.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.messages import LogId, RobotId, RobotMode, Sample, StateReport, SystemId
 from tests.postgresql_server import PostgresqlServer, postgresql_server
@@ -31,6 +32,26 @@ def robot_record(
         links=("xbee:///dev/ttyUSB0",),
         site=TANK if system_id == 1 else LAKE,
         created_at=START,
+    )
+
+
+def add_robot_as_of_old(session: Session) -> None:
+    """Add a robot and its deployment as the first version of the schema kept them."""
+    robot = robot_record()
+    at = int(robot.created_at.timestamp() * 1e6)
+    session.execute(
+        text(
+            "INSERT INTO robot (key, id, name, model, kind, system_id, links, site, created_at)"
+            " VALUES (1, :id, :id, 'miniglider', 'simulated', 1, '[]', :site, :at)"
+        ),
+        {"id": robot.id, "site": robot.site.model_dump_json(), "at": at},
+    )
+    session.execute(
+        text(
+            "INSERT INTO deployment (key, robot_key, kind, title, started_at, rows, variables,"
+            " document) VALUES (1, 1, 'live', 'mini-1', :at, 0, '[]', '{}')"
+        ),
+        {"at": at},
     )
 
 

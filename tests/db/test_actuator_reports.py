@@ -3,7 +3,7 @@
 from dataclasses import replace
 from datetime import timedelta
 
-from db.query.actuator_reports import iterate_actuator_reports, newest_actuator_report
+from db.query.measured.actuator_reports import iterate_actuator_reports, newest_actuator_report
 from robot_link.messages import RobotId
 from tests.db.conftest import START
 from tests.robot_link.test_actuator_report import REPORT

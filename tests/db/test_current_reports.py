@@ -3,7 +3,7 @@
 from dataclasses import replace
 from datetime import timedelta
 
-from db.query.current_reports import current_reports, newest_current_report
+from db.query.measured.current_reports import current_reports, newest_current_report
 from robot_link.messages import RobotId
 from robot_link.report import CurrentReport
 from tests.db.conftest import START

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from db.query.robots import add_robot
-from db.query.samples import sample_columns
+from db.query.fleet.robots import add_robot
+from db.query.measured.samples import sample_columns
 from db.store import Store
 from tests.db.conftest import robot_record
 

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
-from db.query.inbox import add_inbox, newest_session, note_inbox
+from db.query.satellite.inbox import add_inbox, newest_session, note_inbox
 from db.store import Store
 from robot_link.station.gateway.gateway import MobileOriginated
 from tests.db.conftest import START

@@ -4,10 +4,16 @@ from dataclasses import replace
 
 from sqlalchemy import select, text
 
-from db.query.alarms import AlarmRecord, closed_alarms, last_alarm_number, open_alarms, save_alarm
-from db.query.events import add_event, events_after, last_cursor, newest_events
-from db.query.jobs import add_job, fail_open_jobs, get_job, list_jobs, save_job
-from db.query.settings import put_setting
+from db.query.station.alarms import (
+    AlarmRecord,
+    closed_alarms,
+    last_alarm_number,
+    open_alarms,
+    save_alarm,
+)
+from db.query.station.events import add_event, events_after, last_cursor, newest_events
+from db.query.station.jobs import add_job, fail_open_jobs, get_job, list_jobs, save_job
+from db.query.station.settings import put_setting
 from db.store import Store
 from db.tables import Setting
 from tests.db.conftest import START

@@ -5,20 +5,19 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy.exc import IntegrityError
 
 from db.fault import UnknownIdError
-from db.query.robots import add_robot
-from db.query.sample_places import sample_places
-from db.query.samples import count_received, sample_columns
-from db.query.smoothing import (
+from db.query.fleet.robots import add_robot
+from db.query.measured.sample_places import sample_places
+from db.query.measured.samples import count_since, sample_columns
+from db.query.measured.smoothing import (
     SmoothedPlace,
     keep_smoothed,
     newest_fix,
     track_columns,
     unjudged_span,
 )
-from db.query.studies import get_arrays, get_study, list_studies, replace_study
+from db.query.mission.studies import get_arrays, get_study, list_studies, replace_study
 from robot_link.messages import RobotId
 from tests.db.conftest import START, report, robot_record, sample
 
@@ -71,7 +70,7 @@ def test_place_that_is_kept_twice_is_the_newer_one(store):
 
 def test_place_of_a_sample_that_is_not_there_is_refused_with_all_others(store):
     store.append([sample(0)]).result(60)
-    with pytest.raises(IntegrityError):
+    with pytest.raises(UnknownIdError, match="5 of log 7"):
         write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(5)]))
     assert not columns(store).is_smoothed.any()
 
@@ -117,9 +116,9 @@ def test_track_is_what_reports_and_samples_say_together(store):
     assert read(store, lambda s: newest_fix(s, "mini-1", before=at(0))) is None
 
 
-def test_samples_that_came_after_a_moment_are_counted(store):
+def test_samples_that_were_taken_after_a_moment_are_counted(store):
     store.append([sample(i) for i in range(5)]).result(60)
-    count = read(store, lambda s: count_received(s, ("mini-1",), "blue_light", at(2)))
+    count = read(store, lambda s: count_since(s, ("mini-1",), "blue_light", at(2)))
     assert count == 2
 
 

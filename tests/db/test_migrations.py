@@ -7,18 +7,21 @@ from sqlalchemy.dialects import postgresql
 from sqlalchemy.orm import Session
 from sqlalchemy.schema import CreateIndex, CreateTable
 
-from db.column import moment
+from autonomy.site import LAKE
+from db.column import microseconds, moment
 from db.engine import is_sqlite, write_engine
 from db.ingest import append_telemetry
 from db.migrate import NewerSchemaError, configuration, migrate, schema_version
-from db.query.robots import add_robot, list_robots
-from db.query.samples import kept_counts
-from db.query.studies import add_study, get_arrays, get_checkpoint, get_study, list_studies
-from db.query.telemetry import newest_state
-from db.query.vehicles import list_vehicles
+from db.query.fleet.deployments import list_deployments
+from db.query.fleet.robots import list_robots
+from db.query.fleet.vehicles import list_vehicles
+from db.query.fleet.waters import add_water, list_waters, robots_of
+from db.query.measured.samples import kept_counts, sample_columns
+from db.query.measured.telemetry import newest_state
+from db.query.mission.studies import add_study, get_arrays, get_checkpoint, get_study, list_studies
 from db.store import Store
 from db.study_tables import Base
-from tests.db.conftest import ON_SQLITE, report, robot_record, sample
+from tests.db.conftest import ON_SQLITE, START, add_robot_as_of_old, report, robot_record, sample
 
 
 def test_migrations_lead_to_the_tables_that_the_code_knows(url):
@@ -45,7 +48,7 @@ def test_a_database_of_the_first_version_keeps_its_rows(url):
     with engine.begin() as connection:
         command.upgrade(configuration(connection), "0001")
         with Session(connection) as session:
-            add_robot(session, robot_record())
+            add_robot_as_of_old(session)
             append_telemetry(session, [report(0), report(1, 0.7)])
             session.commit()
     migrate(engine)
@@ -60,7 +63,7 @@ def test_a_database_of_the_first_version_keeps_its_rows(url):
 OLD_SAMPLES = """
 INSERT INTO field_sample (robot_key, log, sequence, variable, measured_at, received_at, value,
                           north_m, east_m, depth_m, position_std_m)
-  VALUES (1, 7, {0}, 'blue_light', 0, 0, 3, 0, 0, 0, 0)
+  VALUES (1, 7, {0}, 'blue_light', {1}, 0, 3, 12.3456, -0.0004, 0.25, 0.0123456)
 """
 
 
@@ -69,15 +72,45 @@ def test_samples_of_a_database_of_before_are_counted_once(url):
     with engine.begin() as connection:
         command.upgrade(configuration(connection), "0008")
         with Session(connection) as session:
-            add_robot(session, robot_record())
+            add_robot_as_of_old(session)
             session.commit()
         for sequence in range(3):
-            connection.exec_driver_sql(OLD_SAMPLES.format(sequence))
+            connection.exec_driver_sql(OLD_SAMPLES.format(sequence, 0))
     migrate(engine)
     with Session(engine) as session:
         append_telemetry(session, [sample(2), sample(3)])
         assert kept_counts(session, "mini-1") == {"blue_light": 4}
-        assert kept_counts(session, "mini-1", of_deployment=True) == {"blue_light": 1}
+        assert kept_counts(session, "mini-1", deployment="deployment-1") == {"blue_light": 1}
+    engine.dispose()
+
+
+def test_the_endless_deployment_of_a_database_of_before_lasts_in_its_robot_s_water(url):
+    engine = write_engine(url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0017")
+        with Session(connection) as session:
+            add_robot_as_of_old(session)
+            session.commit()
+        begin_us = microseconds(START)
+        for sequence in range(7):
+            taken = OLD_SAMPLES.format(sequence, begin_us + (sequence - 2) * 1_000_000)
+            connection.exec_driver_sql(taken)
+    migrate(engine)
+    with Session(engine) as session:
+        (deployment,) = list_deployments(session)
+        assert (deployment.id, deployment.state) == ("deployment-1", "in_water")
+        assert (deployment.started_at, deployment.ended_at) == (START, None)
+        assert deployment.site == robot_record().site
+        assert (deployment.purpose, deployment.people, deployment.void_reason) == ("", (), "")
+        assert kept_counts(session, "mini-1") == {"blue_light": 7}
+        assert kept_counts(session, "mini-1", deployment="deployment-1") == {"blue_light": 5}
+        columns = sample_columns(session, "mini-1", "blue_light")
+        assert columns.sequence.tolist() == list(range(7))
+        assert columns.position_ned[0].tolist() == [12.346, 0.0, 0.25]
+        assert columns.position_std_m[0] == 0.012346
+        assert set(columns.log.tolist()) == {7}
+        (robot,) = list_robots(session)
+        assert (robot.retired_at, robot.system_id) == (None, 1)
     engine.dispose()
 
 
@@ -108,7 +141,7 @@ def test_studies_of_a_database_of_before_keep_their_ids_and_all_that_is_in_them(
     with engine.begin() as connection:
         command.upgrade(configuration(connection), "0007")
         with Session(connection) as session:
-            add_robot(session, robot_record())
+            add_robot_as_of_old(session)
             session.commit()
         bytes_ab = "X'6162'" if is_sqlite(engine) else "'ab'"
         for statement in OLD_STUDIES.replace("X'6162'", bytes_ab).split(";\n")[:-1]:
@@ -189,3 +222,40 @@ def test_commits_reach_the_disk_before_they_return(url, store):
         lambda s: (s.scalar(text("PRAGMA synchronous")), s.scalar(text("PRAGMA journal_mode")))
     ).result(60)
     assert settings == (2, "wal")
+
+
+def test_robots_of_before_waters_had_rows_share_those_that_they_are_in(url):
+    engine = write_engine(url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0006")
+        with Session(connection) as session:
+            add_robot_as_of_old(session)
+            pond = LAKE.model_copy(update={"name": "Our pond"}).model_dump_json()
+            for key, (name, kind) in enumerate(
+                (("a", "real"), ("b", "real"), ("c", "recorded")), 2
+            ):
+                session.execute(
+                    text(
+                        "INSERT INTO robot (key, id, name, model, kind, system_id, links, site,"
+                        " created_at) VALUES (:key, :id, :id, '', :kind, NULL, '[]', :site, 0)"
+                    ),
+                    {"key": key, "id": name, "kind": kind, "site": pond},
+                )
+            session.commit()
+    migrate(engine)
+    with Session(engine) as session:
+        waters = {water.id: water for water in list_waters(session)}
+        assert list(waters) == ["test-tank", "practice-lake", "our-pond"]
+        assert waters["practice-lake"].site == LAKE
+        assert robots_of(session) == {"test-tank": ["mini-1"], "our-pond": ["a", "b"]}
+        robots = {robot.id: robot for robot in list_robots(session)}
+        assert robots["a"].site == waters["our-pond"].site
+        assert (robots["c"].water, robots["c"].site.name) == (None, "Our pond")
+        added = add_water(session, "fourth", LAKE, at=moment(0), by="test")
+        assert added.version == 1
+        session.commit()
+    with engine.begin() as connection:
+        command.downgrade(configuration(connection), "0006")
+        [site] = connection.execute(text("SELECT site FROM robot WHERE id = 'a'")).scalars()
+        assert "Our pond" in str(site)
+    engine.dispose()

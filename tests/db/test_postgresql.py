@@ -7,8 +7,8 @@ import pytest
 from db.care import complaints
 from db.engine import check_url
 from db.fault import DatabaseUrlError, StoreUnavailableError
-from db.query.events import add_event
-from db.query.samples import sampled_variables
+from db.query.measured.samples import sampled_variables
+from db.query.station.events import add_event
 from db.store import Store
 from tests.db.conftest import ON_POSTGRESQL, START, sample
 from tests.postgresql_server import postgresql_server

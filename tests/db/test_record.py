@@ -1,13 +1,17 @@
 """Robots, missions, plans, transfers, commands, configurations, maps, people."""
 
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
 
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
-from db.query import commands, configurations, maps, missions, people, plans, robots, transfers
-from db.query.deployments import list_deployments
+from db.query.fleet import robots
+from db.query.fleet.deployments import list_deployments
+from db.query.measured import maps
+from db.query.mission import commands, missions, plans, transfers
+from db.query.station import configurations, people
 from robot_link.messages import CommandKind, CommandLevel
 from tests.db.conftest import START, robot_record
 
@@ -37,7 +41,7 @@ def test_ids_are_short_and_go_both_ways():
 
 
 def test_a_robot_comes_back_as_it_was_added(store):
-    assert see(store, robots.get_robot, "mini-1") == robot_record()
+    assert see(store, robots.get_robot, "mini-1") == replace(robot_record(), water="test-tank")
     with pytest.raises(robots.RobotExistsError, match="mini-1"):
         do(store, robots.add_robot, robot_record())
     with pytest.raises(robots.RobotExistsError, match="System id 1"):

@@ -5,9 +5,9 @@ import pytest
 from sqlalchemy import text
 
 from db.fault import StoreClosedError, StoreUnavailableError, UnknownIdError
-from db.query.events import add_event, events_after
-from db.query.robots import get_robot, list_robots
-from db.query.samples import sampled_variables
+from db.query.fleet.robots import get_robot, list_robots
+from db.query.measured.samples import sampled_variables
+from db.query.station.events import add_event, events_after
 from db.store import Store
 from tests.db.conftest import START, report, sample
 

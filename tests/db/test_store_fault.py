@@ -7,8 +7,8 @@ from sqlalchemy import text
 
 from db import writer
 from db.fault import BufferFullError, StoreUnavailableError
-from db.query.events import add_event
-from db.query.samples import sampled_variables
+from db.query.measured.samples import sampled_variables
+from db.query.station.events import add_event
 from tests.db.conftest import ON_SQLITE, START, sample
 
 pytestmark = ON_SQLITE  # a server's faults are in test_postgresql

@@ -5,11 +5,17 @@ import pytest
 
 from db.column import moment
 from db.fault import UnknownIdError
-from db.query.deployments import list_deployments
-from db.query.jobs import add_job
-from db.query.robots import add_robot
-from db.query.state_columns import begin_of_last_dives, state_columns
-from db.query.studies import (
+from db.query.fleet.deployments import list_deployments
+from db.query.fleet.robots import add_robot
+from db.query.fleet.vehicles import (
+    VehicleExistsError,
+    VehicleRecord,
+    add_vehicle,
+    get_vehicle,
+    list_vehicles,
+)
+from db.query.measured.state_columns import begin_of_last_dives, state_columns
+from db.query.mission.studies import (
     add_study,
     end_study,
     get_checkpoint,
@@ -23,13 +29,7 @@ from db.query.studies import (
     use_study,
     used_studies,
 )
-from db.query.vehicles import (
-    VehicleExistsError,
-    VehicleRecord,
-    add_vehicle,
-    get_vehicle,
-    list_vehicles,
-)
+from db.query.station.jobs import add_job
 from tests.db.conftest import START, report, robot_record
 
 WHATIF = {"title": "PID", "vehicle": "miniglider", "scenario": {"runs": 2}, "controllers": [{}]}

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from db.query.target_end import mission_end
-from db.query.target_reports import iterate_target_reports
-from db.query.target_span import EVERYTHING
+from db.query.mission.target_end import mission_end
+from db.query.mission.target_reports import iterate_target_reports
+from db.query.mission.target_span import EVERYTHING
 from robot_link.messages import OnboardPlanState
 from server.fleet.target_words import with_reasons
 from tests.db.test_target_span import (

@@ -17,19 +17,19 @@ from autonomy.tracking.phase import SpeedClass, TargetPhase
 from db.engine import write_engine
 from db.ingest import append_telemetry
 from db.migrate import configuration, migrate, schema_version
-from db.query.events import add_event
-from db.query.robots import add_robot
-from db.query.target_reports import (
+from db.query.fleet.robots import add_robot
+from db.query.measured.telemetry import newest_state
+from db.query.mission.target_reports import (
     iterate_target_reports,
     lost_since,
     newest_event_of,
     newest_target_report,
     target_reports,
 )
-from db.query.target_span import TargetSpan
-from db.query.telemetry import newest_state
+from db.query.mission.target_span import TargetSpan
+from db.query.station.events import add_event
 from db.store import Store
-from tests.db.conftest import START, report, robot_record
+from tests.db.conftest import START, add_robot_as_of_old, report, robot_record
 from tests.db.target import target_report
 
 
@@ -109,7 +109,7 @@ def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
     with engine.begin() as connection:
         command.upgrade(configuration(connection), "0006")
         with Session(connection) as session:
-            add_robot(session, robot_record())
+            add_robot_as_of_old(session)
             append_telemetry(session, [report(0), report(1, 0.7)])
             session.commit()
     migrate(engine)

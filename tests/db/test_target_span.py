@@ -5,8 +5,8 @@ from datetime import timedelta
 import pytest
 
 from autonomy.tracking.phase import TargetPhase
-from db.query.target_reports import target_reports
-from db.query.target_span import TargetSpan, range_of_plan
+from db.query.mission.target_reports import target_reports
+from db.query.mission.target_span import TargetSpan, range_of_plan
 from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId
 from tests.db.conftest import START
 from tests.db.target import target_report

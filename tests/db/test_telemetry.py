@@ -4,6 +4,7 @@ from dataclasses import replace
 from datetime import timedelta
 from uuid import uuid4
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -11,15 +12,23 @@ from sqlalchemy import event as sqlalchemy_event
 from sqlalchemy import select
 
 from db.fault import UnknownIdError
-from db.query.robots import add_robot
-from db.query.samples import iterate_samples, kept_counts, sample_columns, sampled_variables
-from db.query.telemetry import (
+from db.query.fleet.robots import add_robot
+from db.query.measured import decimation
+from db.query.measured.samples import (
+    iterate_samples,
+    kept_counts,
+    newest_readings,
+    sample_columns,
+    sampled_variables,
+)
+from db.query.measured.telemetry import (
     STATE_CHANNELS,
     history,
     newest_plan_report,
     newest_state,
     track,
 )
+from db.sample_tables import SampleRun
 from db.tables import StateRow
 from robot_link.messages import (
     OnboardPlanState,
@@ -29,6 +38,7 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
 )
+from robot_link.report import Reading
 from tests.db.conftest import ON_SQLITE, START, report, robot_record, sample
 
 
@@ -191,7 +201,7 @@ def test_values_survive_the_journey_to_the_last_bit(store):
         assert sample_columns(session, "mini-1", "blue_light").value[0] == value
 
 
-def test_how_many_samples_there_are_is_kept_and_never_counted(store):
+def test_how_many_samples_there_are_is_kept_and_hardly_counted(store):
     """A sample that is sent twice, in one batch or another, counts once."""
     store.append([sample(0), sample(1), sample(1), sample(2, variable="temperature")]).result(60)
     early = replace(sample(4), measured_at=START - timedelta(seconds=1))
@@ -203,8 +213,81 @@ def test_how_many_samples_there_are_is_kept_and_never_counted(store):
         lambda connection, cursor, statement, *rest: statements.append(statement),
     )
     with store.read() as session:
-        assert kept_counts(session, "mini-1") == {"blue_light": 4, "temperature": 1}
-        of_deployment = kept_counts(session, "mini-1", of_deployment=True)
+        assert sampled_variables(session, "mini-1") == {"blue_light": 4, "temperature": 1}
+        assert not [said for said in statements if "count(" in said]
+        of_deployment = kept_counts(session, "mini-1", deployment="deployment-1")
+        since = sampled_variables(session, "mini-1", start=START + timedelta(microseconds=1))
+    assert since == {"blue_light": 2, "temperature": 1}
     assert of_deployment == {"blue_light": 3, "temperature": 1}
     assert statements
-    assert not [said for said in statements if "count(" in said or "field_sample" in said]
+    counted = [said for said in statements if "count(" in said]
+    assert counted
+    assert all("measured_at >=" in said and "measured_at <" in said for said in counted)
+
+
+def test_samples_of_a_time_are_those_that_one_by_one_lie_in_it(store):
+    """Whole days and five-minute stretches are summed up, the ends counted; both ends belong."""
+    seconds = [0, 1, 299, 300, 86_399, 86_400, 86_401, 3 * 86_400, 3 * 86_400 + 77, 5 * 86_400]
+    taken = [
+        replace(sample(number), measured_at=START + timedelta(seconds=second))
+        for number, second in enumerate(seconds)
+    ]
+    store.append(taken).result(60)
+    with store.read() as session:
+        for first in seconds:
+            for last in seconds:
+                start, end = (START + timedelta(seconds=one) for one in (first, last))
+                found = sampled_variables(session, "mini-1", start=start, end=end)
+                expected = sum(first <= second <= last for second in seconds)
+                assert found.get("blue_light", 0) == expected
+
+
+def test_numbers_of_a_log_come_in_any_order_and_each_once(store):
+    order = np.random.default_rng(3).permutation(np.arange(60).repeat(2)).tolist()
+    for first in range(0, len(order), 7):
+        store.append([sample(number) for number in order[first : first + 7]]).result(60)
+    with store.read() as session:
+        columns = sample_columns(session, "mini-1", "blue_light")
+        runs = session.execute(select(SampleRun.first, SampleRun.last)).all()
+    assert columns.sequence.tolist() == list(range(60))
+    assert runs == [(0, 59)]
+
+
+def test_a_long_history_is_drawn_from_its_stretches_with_the_same_extremes(store, monkeypatch):
+    rng = np.random.default_rng(4)
+    values = rng.normal(size=3000)
+    taken = [
+        replace(sample(i, value=float(value)), measured_at=START + timedelta(seconds=10 * i))
+        for i, value in enumerate(values)
+    ]
+    store.append(taken).result(60)
+    with store.read() as session:
+        exact = history(session, "mini-1", "blue_light", max_points=20)
+        monkeypatch.setattr(decimation, "READ_ROWS_MAX", 100)
+        summed = history(session, "mini-1", "blue_light", max_points=20)
+        first, last = taken[3].measured_at, taken[-5].measured_at
+        part = history(session, "mini-1", "blue_light", first, last, max_points=20)
+    originals = {one.measured_at: one.value for one in taken}
+    for found in (exact, summed, part):
+        assert found.decimated
+        assert found.measured_at == sorted(set(found.measured_at))
+        assert [originals[at] for at in found.measured_at] == found.value
+    for found in (exact, summed):
+        assert (min(found.value), max(found.value)) == (values.min(), values.max())
+    assert first <= part.measured_at[0] <= part.measured_at[-1] <= last
+    assert (min(part.value), max(part.value)) == (values[3:-4].min(), values[3:-4].max())
+    assert 10 <= len(summed.value) <= 20
+
+
+def test_readings_are_kept_once_and_have_a_history(store):
+    def reading(second, value):
+        at = START + timedelta(seconds=second)
+        return Reading(RobotId("mini-1"), "humidity", value, at, at)
+
+    store.append([reading(0, 40.0), reading(1, 41.0), reading(1, 99.0)]).result(60)
+    store.append([reading(1, 77.0), reading(2, 42.5)]).result(60)
+    with store.read() as session:
+        assert history(session, "mini-1", "humidity").value == [40.0, 41.0, 42.5]
+        (newest,) = newest_readings(session, "mini-1")
+        assert sampled_variables(session, "mini-1") == {}
+    assert (newest.channel, newest.value) == ("humidity", 42.5)

@@ -19,6 +19,7 @@ Json: TypeAlias = dict[str, Any]
 """What the station answers; a test looks into it and so says what it expects there."""
 
 ROOT = Path(__file__).parents[2]
+OURS = "mini-1,grace-1"
 START_LIMIT_S = 240.0
 STOP_LIMIT_S = 120.0
 PATIENCE = 6.0
@@ -30,7 +31,8 @@ LASTING = {"mission": {"draft_age_s": 604_800.0, "draft_distance_m": 1000.0}}
 class Demo:
     """Starts ``grace demo`` in a data folder and talks to it.
 
-    ``grace``, ``folder`` and ``environment`` say which one, where, and with which variables.
+    ``grace``, ``folder`` and ``environment`` say which one, where, and with which variables. It has
+    our two robots alone unless the options name others.
     """
 
     def __init__(
@@ -43,8 +45,9 @@ class Demo:
     ) -> None:
         self.data = data
         self._lines: list[str] = []
+        robots = () if "--robots" in options else ("--robots", OURS)
         self._process = subprocess.Popen(
-            [*grace, "demo", "--data", str(data), "--port", "0", "--no-browser", *options],
+            [*grace, "demo", "--data", str(data), "--port", "0", "--no-browser", *robots, *options],
             cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True, start_new_session=True,
         )  # fmt: skip

@@ -9,14 +9,14 @@ import pytest
 from onboard.flight.actuator_watch import Actuator, ActuatorWatch, SwingCount
 from onboard.flight.hardware import Readings, SetPoints
 from robot_link.messages import OnboardPlanState
-from simulator.fault import ActuatorFaults
+from simulator.fault import RobotFaults
 from simulator.fleet import GRACE_1, MINI_1
 from tests.simulator.flight import LAKE_PLANNER, Life, mission, two_dives, vee
 
 TO_AND_FRO = two_dives()
 
 
-def life_with(faults: ActuatorFaults, definition=MINI_1) -> Life:
+def life_with(faults: RobotFaults, definition=MINI_1) -> Life:
     return Life(replace(definition, faults=faults), seed=1)
 
 
@@ -34,7 +34,7 @@ def flown_pitch_error(life: Life, legs) -> np.ndarray:
 
 
 def test_nominal_robot_believes_in_its_actuators_and_flies_as_planned():
-    life = life_with(ActuatorFaults())
+    life = life_with(RobotFaults())
     flown_pitch_error(life, TO_AND_FRO)
     watch = life.executive.actuators
     for follower in (watch.mass, watch.pump):
@@ -48,7 +48,7 @@ def test_nominal_robot_believes_in_its_actuators_and_flies_as_planned():
 
 
 def test_slow_late_mass_is_known_after_a_dive_and_does_not_swing():
-    life = life_with(ActuatorFaults(mass_rate_share=0.25, mass_delay_s=0.6))
+    life = life_with(RobotFaults(mass_rate_share=0.25, mass_delay_s=0.6))
     error = flown_pitch_error(life, TO_AND_FRO)
     mass = life.executive.actuators.mass.belief
     assert mass.is_off
@@ -63,9 +63,9 @@ def test_slow_late_mass_is_known_after_a_dive_and_does_not_swing():
 @pytest.mark.parametrize(
     ("faults", "name"),
     [
-        (ActuatorFaults(mass_sticks_s=30.0), "sliding mass"),
-        (ActuatorFaults(pump_sticks_s=30.0), "pump"),
-        (ActuatorFaults(tail_sticks_s=0.0), "tail"),
+        (RobotFaults(mass_sticks_s=30.0), "sliding mass"),
+        (RobotFaults(pump_sticks_s=30.0), "pump"),
+        (RobotFaults(tail_sticks_s=0.0), "tail"),
     ],
 )
 def test_stuck_actuator_ends_the_mission_with_a_sentence(faults, name):
@@ -98,7 +98,7 @@ def test_actuator_that_moves_again_is_not_stuck_any_more():
 
 def test_mass_at_rest_where_it_should_be_is_not_stuck():
     watch = ActuatorWatch(MINI_1.vehicle, 0.1)
-    at_rest = replace(life_with(ActuatorFaults()).estimate.readings, mass_position_m=0.005)
+    at_rest = replace(life_with(RobotFaults()).estimate.readings, mass_position_m=0.005)
     for _ in range(600):
         watch.step(SetPoints(at_rest.net_buoyancy_kg, 0.006), at_rest, None)
     assert not watch.stuck
@@ -124,7 +124,7 @@ def swinging_readings(readings: Readings, k: int) -> tuple[SetPoints, Readings]:
 
 
 def test_limit_cycle_ends_in_the_gentlest_gait():
-    life = life_with(ActuatorFaults())
+    life = life_with(RobotFaults())
     executive = life.executive
     life.start(mission(*TO_AND_FRO))
     assert life.live_until(lambda: executive.is_sampling, 300.0)
@@ -137,7 +137,7 @@ def test_limit_cycle_ends_in_the_gentlest_gait():
 
 
 def test_lake_robot_believes_in_its_actuators():
-    life = life_with(ActuatorFaults(), GRACE_1)
+    life = life_with(RobotFaults(), GRACE_1)
     life.start(mission(*vee((0.0, 0.0), 0.4, 6.0, math.radians(40.0), LAKE_PLANNER)))
     life.live(240.0)
     assert not life.executive.actuators.stuck

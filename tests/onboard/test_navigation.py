@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from autonomy.estimation.config import EstimatorConfig
-from autonomy.site import TANK
+from autonomy.frames import convergence_rad
+from autonomy.site import LAKE, TANK, Box
 from onboard.flight.hardware import Readings, SetPoints
 from onboard.flight.navigation import Navigator
 from simulator.fleet import MINI_1, RobotDefinition
@@ -95,3 +96,14 @@ def test_a_receiver_that_repeats_itself_gives_no_fixes(method: str) -> None:
 def test_navigation_does_not_begin_with_nonsense() -> None:
     with pytest.raises(ValueError, match="finite"):
         Navigator(EstimatorConfig(), MINI_1.vehicle, TANK, replace(REST, depth_m=math.nan), 0.1)
+
+
+def test_a_heading_far_from_the_origin_counts_from_the_north_of_the_frame() -> None:
+    east_m = 50_000.0
+    wide = LAKE.model_copy(update={"water": Box(x_max_m=1e3, y_max_m=6e4, depth_max_m=20.0)})
+    at = replace(REST, heading_rad=1.0, fix_ne_m=(0.0, east_m))
+    navigator = Navigator(EstimatorConfig(), MINI_1.vehicle, wide, at, 0.1)
+    lead_rad = float(convergence_rad([0.0, east_m], LAKE.origin_latitude_deg))
+    assert math.degrees(lead_rad) == pytest.approx(0.416, abs=0.002)
+    estimate = navigator.step(at, SetPoints(0.0, 0.0), 0.0)
+    assert estimate.heading_rad == pytest.approx(1.0 - lead_rad, abs=math.radians(0.01))

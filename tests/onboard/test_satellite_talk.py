@@ -2,20 +2,24 @@
 
 import asyncio
 import math
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from datetime import timedelta
+from datetime import datetime, timedelta
 from itertools import pairwise
 
 import pytest
 
 from autonomy.planner.leg import primitive
+from onboard.link.channel_announcer import TableInForce
 from onboard.link.plan_desk import PlanOnBoard
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.node.satellite import SatelliteClient
 from onboard.satellite.policy import CallLimits
 from onboard.satellite.receiver import MemoryStore, Receiver
 from onboard.satellite.talk import SatelliteTalk, TalkSettings
+from robot_link.channel_table import ChannelTable, TableRow
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -29,8 +33,9 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.report import CurrentReport, TargetReport
 from robot_link.robot_program import CommandOutcome
-from robot_link.sample_log import Measurement, MemorySampleLog
+from robot_link.sample_log import Measurement, MemorySampleLog, SampleKey
 from robot_link.satellite.blob import Blob
+from robot_link.satellite.channel_code import ChannelPart
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import Reason, TransferState
 from robot_link.satellite.order import pack_order
@@ -67,6 +72,13 @@ NO_PLAN = PlanOnBoard(None, OnboardPlanState.NONE, 0, 0, 0.0, "")
 
 
 @dataclass
+class Channels:
+    """What a robot measures."""
+
+    in_force: TableInForce | None = None
+
+
+@dataclass
 class Link:
     """What the robot's radio side is told."""
 
@@ -77,6 +89,7 @@ class Link:
     last_heard_station_s: float = math.inf
     plans: MemoryPlanStore = field(default_factory=MemoryPlanStore)
     flown: set[str] = field(default_factory=set)
+    channels: Channels = field(default_factory=Channels)
 
     @property
     def plan_hash(self):
@@ -105,8 +118,10 @@ class Afloat:
     clock: object
     surfaced_s: float = 20_000.0
     is_talking: bool = False
+    variable: str = "chlorophyll"
     digest_settings: None = None
     track: TargetReport | None = None
+    newest_condition: tuple[dict[str, float], datetime] | None = None
 
     @property
     def time_s(self) -> float:
@@ -154,15 +169,16 @@ async def talking(
     store: MemoryStore | None = None,
     link: Link | None = None,
     sessions_per_day: int = 10_000,
+    measured: Sequence[str] = ("chlorophyll",) * 40,
 ):
     sky = network()
     ashore = heard(sky)
     clock = fast_clock()
     store = store or MemoryStore()
     samples = MemorySampleLog(LogId(1))
-    for n in range(40):
+    for n, channel in enumerate(measured):
         place = (float(n), float(7 * n % 11), 3.0)
-        samples.append(Measurement("chlorophyll", 2.0 + 0.1 * n, place, 3.0, EPOCH))
+        samples.append(Measurement(channel, 2.0 + 0.1 * n, place, 3.0, EPOCH))
     async with kind(sky, folder) as node:
         rig_link, program, notes = link or Link(), Afloat(clock), []
         talk = SatelliteTalk(
@@ -229,6 +245,34 @@ async def test_record_of_a_robot_that_follows_a_target_tells_its_hold_on_it(tmp_
         assert told.hypotheses[0].weight == pytest.approx(0.75, abs=0.01)
 
 
+async def test_a_robot_tells_its_table_once_and_its_condition_at_a_rate_of_its_own(tmp_path):
+    async with talking(iridium, tmp_path) as rig:
+        rows = (TableRow(64, "leak", "1", "switch", 30.0), TableRow(200, "methane", "nmol/L"))
+        table = ChannelTable(rows)
+        rig.link.channels.in_force = TableInForce(table, SampleKey(LogId(1), 3), EPOCH)
+        rig.program.newest_condition = {"humidity": 95.0, "leak": 0.0, "gps_hdop": math.nan}, EPOCH
+        await until(lambda: bool(rig.records()) and rig.records()[-1].channels.page)
+        told = rig.records()[-1].channels
+        assert (told.page.rows, told.page.sequence, told.page.pages) == (rows, 3, 1)
+        assert [one.channel for one in told.readings] == ["humidity", "leak"]
+        before = len(rig.records())
+        rig.sky.accept(IMEI, b"garbage that only rings")
+        await until(lambda: len(rig.records()) > before)
+        again = rig.records()[before].channels
+        assert (again.version.version, again.page, again.readings) == (table.version, None, ())
+
+
+async def test_a_robot_of_an_older_station_says_nothing_of_its_channels(tmp_path):
+    async with talking(iridium, tmp_path) as rig:
+        rig.talk._settings.health_s = 0.0
+        rows = (TableRow(64, "leak", "1", "switch", 30.0),)
+        rig.link.channels.in_force = TableInForce(ChannelTable(rows), SampleKey(LogId(1), 3), EPOCH)
+        before = len(rig.records())
+        rig.sky.accept(IMEI, b"garbage that only rings")
+        await until(lambda: len(rig.records()) > before)
+        assert rig.records()[-1].channels == ChannelPart()
+
+
 async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
     async with talking(iridium, tmp_path) as rig:
         await until(lambda: bool(rig.records()))
@@ -238,6 +282,20 @@ async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
         assert len(sent) == len(set(sent)) > 4
         assert rig.talk.refused == 1
         assert all(size <= 205 for size in map(len, rig.ashore))
+
+
+@pytest.mark.parametrize("planned", [40, 2])
+async def test_other_channels_have_what_room_the_planned_field_leaves(planned, tmp_path):
+    measured = ("temperature", "dissolved_oxygen") * 20 + ("chlorophyll",) * planned
+    async with talking(iridium, tmp_path, measured=measured) as rig:
+        await until(lambda: bool(rig.records()))
+        told = Counter(sample.variable for sample in rig.records()[0].samples)
+    if planned > 2:
+        assert set(told) == {"chlorophyll"}
+    else:
+        assert told["chlorophyll"] == planned
+        assert min(told["temperature"], told["dissolved_oxygen"]) >= 2
+    assert all(size <= 205 for size in map(len, rig.ashore))
 
 
 async def test_robot_that_rings_without_end_spends_what_a_day_allows_and_not_more(tmp_path):

@@ -7,6 +7,7 @@ from datetime import timedelta
 
 import pytest
 
+from autonomy.frames import convergence_rad
 from onboard.link.standard_telemetry import (
     TelemetrySource,
     autopilot_version,
@@ -86,7 +87,11 @@ def test_every_standard_message_says_what_the_robot_believes():
     assert heard["SYS_STATUS"].battery_remaining == 88
     # MAVProxy says "fence breach" where this bit is not set.
     assert heard["SYS_STATUS"].onboard_control_sensors_health & grace.MAV_SYS_STATUS_GEOFENCE
-    assert heard["SYS_STATUS"].onboard_control_sensors_present == 0
+    present = heard["SYS_STATUS"].onboard_control_sensors_present
+    assert present & grace.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    assert heard["SYS_STATUS"].onboard_control_sensors_health & present == (
+        heard["SYS_STATUS"].onboard_control_sensors_enabled
+    )
     assert heard["GPS_RAW_INT"].fix_type == grace.GPS_FIX_TYPE_3D_FIX
     assert telemetry_message(grace.MAVLINK_MSG_ID_RAW_IMU, source) is None
 
@@ -133,3 +138,17 @@ async def test_a_link_that_carries_everything_makes_nobody_wait():
 async def spend_all(pace: Pace, size: int, times: int) -> None:
     for _ in range(times):
         await pace.spend(size)
+
+
+def test_a_heading_far_from_the_origin_is_told_from_true_north():
+    at = SystemClock().now()
+    far = replace(
+        state(at), position_ned=(0.0, 50_000.0, 1.0), heading_rad=1.0, velocity_ned=(1.0, 0.0, 0.0)
+    )
+    source = TelemetrySource(far, at, RULES)
+    message = telemetry_message(grace.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, source)
+    told = Wire(lambda _: []).over_the_wire(message)
+    lead_deg = math.degrees(float(convergence_rad(far.position_ned[:2], RULES.origin_latitude_deg)))
+    assert lead_deg > 0.3
+    assert told.hdg / 100 == pytest.approx(math.degrees(1.0) + lead_deg, abs=0.01)
+    assert told.vy == round(100.0 * math.sin(math.radians(lead_deg)))

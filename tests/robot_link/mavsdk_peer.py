@@ -1,7 +1,9 @@
 """MAVSDK as a process of its own, so that the threads of its native library end with it.
 
-``python -m tests.robot_link.mavsdk_peer ground_station URL FOLDER`` or ``vehicle URL FOLDER``: what
-it saw is written to standard output, one JSON object a line.
+``python -m tests.robot_link.mavsdk_peer ROLE URL ...``: what it saw is written to standard output,
+one JSON object a line. Roles: ``ground_station URL FOLDER``; ``vehicle URL FOLDER``, which serves
+parameters, files and missions; ``vessel URL SYSTEM LATITUDE LONGITUDE``, which tells of itself and
+obeys modes.
 """
 
 import asyncio
@@ -12,6 +14,7 @@ from collections.abc import AsyncIterator, Awaitable
 from typing import Any
 
 from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
+from mavsdk.asyncio.plugins.action_server.action_server import ActionServerAsync
 from mavsdk.asyncio.plugins.ftp.ftp import FtpAsync
 from mavsdk.asyncio.plugins.ftp_server.ftp_server import FtpServerAsync
 from mavsdk.asyncio.plugins.mission_raw.mission_raw import MissionRawAsync
@@ -19,8 +22,17 @@ from mavsdk.asyncio.plugins.mission_raw_server.mission_raw_server import Mission
 from mavsdk.asyncio.plugins.param.param import ParamAsync
 from mavsdk.asyncio.plugins.param_server.param_server import ParamServerAsync
 from mavsdk.asyncio.plugins.telemetry.telemetry import TelemetryAsync
+from mavsdk.asyncio.plugins.telemetry_server.telemetry_server import TelemetryServerAsync
 from mavsdk.component_type import ComponentType
+from mavsdk.plugins.action_server.action_server import AllowableFlightModes, FlightMode
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem
+from mavsdk.plugins.telemetry_server.telemetry_server import (
+    AngularVelocityBody,
+    EulerAngle,
+    Heading,
+    Position,
+    VelocityNed,
+)
 
 LONGEST_S = 60.0
 """A machine that is busy with other things needs time."""
@@ -71,7 +83,7 @@ async def ground_station(url: str, local: str) -> None:
             autocontinue=1,
             x=round((43.0 + 1e-4 * number) * 1e7),
             y=round(-84.0 * 1e7),
-            z=-2.0 if number % 2 else 0.0,
+            z=-2.0 - 1.5 * (number % 4),
         )
         for number in range(1, 21)
     ]
@@ -86,6 +98,12 @@ async def ground_station(url: str, local: str) -> None:
         say(refused="")
     except Exception as error:  # noqa: BLE001 - whatever it is, the test sees it
         say(refused=str(error))
+    items[3].command, items[3].z = 16, 10.0
+    try:
+        await within(mission.upload_mission(items))
+        say(above="")
+    except Exception as error:  # noqa: BLE001 - as before
+        say(above=str(error))
     param = ParamAsync(system)
     everything = await within(param.get_all_params())
     say(
@@ -134,8 +152,38 @@ async def vehicle(url: str, folder: str) -> None:
     )
 
 
+async def vessel(url: str, system: str, latitude: str, longitude: str) -> None:
+    """A vehicle at a depth of 4 m whose mission leads up; the library itself changes the mode."""
+    mavsdk = Mavsdk(Configuration.create_manual(int(system), 1, True))
+    component = await mavsdk.server_component()
+    actions, telemetry = ActionServerAsync(component), TelemetryServerAsync(component)
+    await actions.set_armable(True, False)
+    await actions.set_disarmable(True, False)
+    await actions.set_allowable_flight_modes(AllowableFlightModes(True, True, True))
+    await actions.set_flight_mode(FlightMode.ALTCTL)
+    changes = actions.subscribe_flight_mode_change()
+    told = asyncio.ensure_future(anext(changes))
+    await mavsdk.add_any_connection(url)
+    say(ready=True)
+    depth_m, is_up, still = 4.0, False, AngularVelocityBody(0.0, 0.0, 0.0)
+    while True:
+        if told.done() and not is_up:
+            is_up = True
+            say(mode=int(told.result()[1]))
+        depth_m = max(0.0, depth_m - (0.5 if is_up else 0.0))
+        await telemetry.publish_position(
+            Position(float(latitude), float(longitude), 50.0 - depth_m, -depth_m),
+            VelocityNed(0.1, 0.0, 0.0),
+            Heading(90.0),
+        )
+        await telemetry.publish_attitude(EulerAngle(0.0, -5.0, 90.0, 0), still)
+        await asyncio.sleep(0.2)
+
+
+ROLES = {"ground_station": ground_station, "vehicle": vehicle, "vessel": vessel}
+
 if __name__ == "__main__":
     role, *arguments = sys.argv[1:]
-    asyncio.run(ground_station(*arguments) if role == "ground_station" else vehicle(*arguments))
+    asyncio.run(ROLES[role](*arguments))
     sys.stdout.flush()
     os._exit(0)  # the library's threads are of no interest any more

@@ -10,7 +10,7 @@ from autonomy.control.config import BACKSTEPPING_PRESETS
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
-from benchmarks.satellite_mission import usual_mission
+from benchmarks.link.satellite_mission import usual_mission
 from robot_link.messages import (
     LogId,
     RobotId,

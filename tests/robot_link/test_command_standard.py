@@ -272,6 +272,7 @@ async def test_a_ground_station_that_makes_room_for_another_ends_nobodys_service
         master_s=0.05,
         reply=lambda _address, _message: None,
         station_heard_s=lambda: float("inf"),
+        channel_pages=list,
     )
     wish = grace.MAVLink_param_request_list_message(ROBOT, 1)
     time = grace.MAVLink_timesync_message(0, 1)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from autonomy.site import TANK
-from db.query.robots import RobotRecord, add_robot
+from db.query.fleet.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
@@ -31,8 +31,8 @@ from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import ReceivePacket, encode
 from server.base.secret import GatewayAccount, SecretStore
 from server.base.settings import Settings
-from server.cli import link_verb
 from server.cli.main import main
+from server.link import examination
 from simulator.acoustic_modem import AcousticConditions, AcousticModem
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.robot_link.far_end import heartbeat, line, running
@@ -395,14 +395,14 @@ async def test_an_acoustic_modem_is_asked_for_its_address(tmp_path: Path):
     line_path = tmp_path / "modem"
     uri, said = f"micromodem://{line_path}?us=1&peer=2", []
     settings = Settings(data_dir=tmp_path)
-    assert not await link_verb.examine_other(uri, settings, 0.2, said.append)
+    assert not await examination.examine_other(uri, settings, 0.2, said.append)
     assert said[0].startswith("No Micro-Modem answers")
     modem = AcousticModem(
         lambda: (0.0, 0.0, 0.0), {}, random.Random(2), AcousticConditions(), SystemClock()
     )
     said.clear()
     async with modem.pty(line_path):
-        assert await link_verb.examine_other(uri, settings, 60.0, said.append)
+        assert await examination.examine_other(uri, settings, 60.0, said.append)
     assert "answers and has its address" in said[0]
 
 

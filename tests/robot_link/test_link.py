@@ -316,7 +316,7 @@ async def test_a_number_that_is_not_finite_is_no_sample(tmp_path: Path):
             )
         with pytest.raises(KeyError):
             it.robots[MINI].link.record_sample(
-                "salinity", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now()
+                "unheard_of", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now()
             )
         assert it.robots[MINI].link.unacknowledged_samples == 0
 

@@ -154,8 +154,8 @@ def test_an_impossible_time_or_mode_or_variable_is_refused():
         telemetry.state_report(message, NAME, NOW)
     measurement = Measurement("blue_light", 1.0, (0.0, 0.0, 0.0), 0.1, NOW)
     sample = telemetry.sample_message(LogId(1), 2, measurement)
-    sample.variable = 99
-    with pytest.raises(ValueError, match="variable 99"):
+    sample.variable = 240
+    with pytest.raises(ValueError, match="variable 240"):
         telemetry.sample(sample, NAME, NOW)
 
 

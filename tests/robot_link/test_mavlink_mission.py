@@ -178,6 +178,26 @@ def test_waypoints_become_swims_glides_and_dives_that_join():
     assert mission.settings.timeout_s > sum(leg.duration_s for leg in mission.legs)
 
 
+def test_a_slope_that_no_glide_has_becomes_the_nearest_that_can_be_flown():
+    told: list[str] = []
+    items = (local(100, 0, 1), local(101, 0, 5), local(105, 0, 1), local(205, 0, 2))
+    legs = mission_of_waypoints(items, HERE, RULES, told.append).legs
+    swim, glide, dive = PrimitiveKind.SWIM, PrimitiveKind.GLIDE, PrimitiveKind.DIVE
+    assert [leg.kind for leg in legs] == [glide, swim, dive, glide, glide, glide, swim, dive]
+    ends = [leg.end_ned for leg in legs]
+    for waypoint in ((100.0, 0.0, 1.0), (101.0, 0.0, 5.0), (105.0, 0.0, 1.0), (205.0, 0.0, 2.0)):
+        assert any(math.dist(waypoint, end) < 0.01 for end in ends)
+    for leg in legs:
+        if leg.kind is glide:
+            along = math.dist(leg.start_ned[:2], leg.end_ned[:2])
+            slope = math.degrees(math.atan2(abs(leg.end_ned[2] - leg.start_ned[2]), along))
+            assert 9.8 <= slope <= 60.2
+    assert told == [
+        "items 0, 3: too flat for one glide, a swim is added",
+        "item 1: too steep, a dive is added",
+    ]
+
+
 def test_return_to_launch_comes_up_and_swims_back():
     items = (local(4, 0, 2), local(0, 0, 0, grace.MAV_CMD_NAV_RETURN_TO_LAUNCH))
     legs = mission_of_waypoints(items, HERE, RULES).legs
@@ -188,8 +208,6 @@ def test_return_to_launch_comes_up_and_swims_back():
     ("item", "result", "why"),
     [
         (local(1, 1, 0, 18), grace.MAV_MISSION_UNSUPPORTED, "command 18 cannot be flown"),
-        (local(100, 0, 1), grace.MAV_MISSION_INVALID_PARAM7, r"slopes 1 deg, 10\.\.60 deg"),
-        (local(1, 0, 4), grace.MAV_MISSION_INVALID_PARAM7, "slopes 77 deg"),
         (local(60, 0, 51), grace.MAV_MISSION_INVALID_PARAM7, "deeper than 50 m"),
         (local(1, 0, math.nan), grace.MAV_MISSION_INVALID_PARAM7, "no altitude"),
         (StandardItem(16, 99, 0, 0, 0.0), grace.MAV_MISSION_UNSUPPORTED_FRAME, "frame 99"),

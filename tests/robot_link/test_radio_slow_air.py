@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from benchmarks.radio import BIT_RATE, ITEMS, RETRIES, long_mission, upload
+from benchmarks.link.radio import BIT_RATE, ITEMS, RETRIES, long_mission, upload
 from robot_link.messages import OnboardPlanState
 from robot_link.transport.datagram import Address, Fate, Received
 from simulator.xbee_network import MAX_PAYLOAD, AirConditions, XBeeNetwork

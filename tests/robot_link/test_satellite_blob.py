@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.satellite_mission import usual_mission
+from benchmarks.link.satellite_mission import usual_mission
 from robot_link.satellite.blob import MOST_BYTES, Blob, BlobCodec, mission_of, transfer_id_of
 from robot_link.satellite.cbor_reader import CborReader
 from robot_link.satellite.chunk import sizes

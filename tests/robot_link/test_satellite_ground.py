@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from benchmarks.satellite import run
+from benchmarks.link.satellite import run
 from robot_link.satellite.blob import Blob, TransferId
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.content import Reason, TransferAck, TransferState

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE, TANK, Site
 from db import engine
-from db.query.robots import RobotRecord, add_robot
+from db.query.fleet.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import RobotId, SystemId
@@ -79,7 +79,7 @@ def robot_record(robot: RobotId, system_id: int, model: str, site: Site) -> Robo
         system_id=SystemId(system_id),
         links=("xbee://127.0.0.1:9",),
         site=site,
-        created_at=datetime.now(UTC),
+        created_at=datetime.now(UTC) - timedelta(hours=1),
     )
 
 

@@ -34,7 +34,9 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.report import CurrentReport, LinkEvent
 from robot_link.service.file_store import FileEntry
+from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
+from robot_link.service.standard_item import StandardItem
 from robot_link.station.error import ServiceRefusedError
 from robot_link.station.link import RobotEndpoint
 from robot_link.transport.datagram import DatagramTransport
@@ -183,7 +185,10 @@ class FakeRobot:
 
 
 class FakeLink:
-    """Stands where ``StationLink`` stands; carries neither parameters nor files."""
+    """Stands where ``StationLink`` stands; carries neither parameters nor files.
+
+    Every vehicle takes the waypoints that it is sent, and gives them back.
+    """
 
     def __init__(self, clock: Clock, on_event: Callable[[LinkEvent], None], world: "World") -> None:
         self.on_event = on_event
@@ -212,6 +217,22 @@ class FakeLink:
 
     async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
         raise ServiceRefusedError(f"{robot} has no parameter {name}")
+
+    async def describe_parameters(self, robot: RobotId) -> Mapping[str, ParameterDescription]:
+        raise ServiceRefusedError(f"{robot} describes no parameters")
+
+    async def upload_waypoints(
+        self, robot: RobotId, items: Sequence[StandardItem], report: Callable[[int, int], None]
+    ) -> None:
+        self.world.waypoints[robot] = tuple(items)
+        report(len(items), len(items))
+
+    async def read_waypoints(
+        self, robot: RobotId, report: Callable[[int, int], None]
+    ) -> Sequence[StandardItem]:
+        items = self.world.waypoints.get(robot, ())
+        report(len(items), len(items))
+        return items
 
     async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
         return ()
@@ -283,6 +304,8 @@ class World:
         self.commands: list[tuple[RobotId, CommandKind, CommandNumber]] = []
         self.acknowledged: list[tuple[RobotId, LogId, int]] = []
         self.switched: list[tuple[str, bool]] = []
+        self.waypoints: dict[RobotId, tuple[StandardItem, ...]] = {}
+        """Missions on board of vehicles of other makers."""
         self.flights: list[asyncio.Task[None]] = []
         self.in_reach = True
         self.radio_takes = True

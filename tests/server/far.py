@@ -2,7 +2,7 @@
 
 from contextlib import asynccontextmanager
 
-from db.query.robots import change_robot
+from db.query.fleet.robots import change_robot
 from db.store import Store
 from robot_link.messages import LinkState
 from server.access.role import Role

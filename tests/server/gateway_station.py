@@ -11,8 +11,8 @@ from fastapi import FastAPI
 from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE
-from db.query.inbox import add_inbox
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.satellite.inbox import add_inbox
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
 from robot_link.station.gateway.gateway import MobileOriginated

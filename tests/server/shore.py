@@ -4,9 +4,9 @@ import asyncio
 from datetime import timedelta
 
 from autonomy.planner.plan import Leg, PrimitiveKind
-from db.query.commands import add_command
-from db.query.plans import add_plan, change_plan, get_plan
-from db.query.transfers import add_transfer, get_transfer
+from db.query.mission.commands import add_command
+from db.query.mission.plans import add_plan, change_plan, get_plan
+from db.query.mission.transfers import add_transfer, get_transfer
 from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.blob import Blob

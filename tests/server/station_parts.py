@@ -5,6 +5,7 @@ from typing import get_type_hints
 from robot_link.messages import RobotId
 from server.base.foundation import Foundation
 from server.command.commands import Commands
+from server.current.currents import Currents
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
@@ -35,6 +36,7 @@ class OpenStation:
 
     commands: Commands
     comparisons: MapComparisons
+    currents: Currents
     disabled_links: DisabledLinks
     fleet: Fleet
     views: FleetViews

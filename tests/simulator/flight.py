@@ -16,6 +16,7 @@ from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateR
 from robot_link.mission import Mission, MissionSettings
 from simulator.fleet import MINI_1, RobotDefinition
 from simulator.robot import SimulatedRobot
+from simulator.water_field import PLANNED
 
 EPOCH = datetime(2026, 5, 1, tzinfo=UTC)
 TANK_PLANNER = PLANNER_PRESETS["miniglider"]
@@ -24,12 +25,18 @@ LAKE_PLANNER = PLANNER_PRESETS["grace3"]
 
 @dataclass
 class Notebook:
-    """A radio that writes down what the robot says, and whether samples were acknowledged."""
+    """A radio that writes down what the robot says, and whether samples were acknowledged.
+
+    ``samples`` are those of the planned fields, ``others`` has those of other channels.
+    """
 
     unacknowledged_samples: int = 0
     modes: list[RobotMode] = field(default_factory=list)
     plans: list[tuple[OnboardPlanState, int, float, str]] = field(default_factory=list)
     samples: list[tuple[float, PositionNed, float, datetime]] = field(default_factory=list)
+    others: dict[str, list[tuple[float, PositionNed, float, datetime]]] = field(
+        default_factory=dict
+    )
 
     def set_mode(self, mode: RobotMode) -> None:
         self.modes.append(mode)
@@ -45,8 +52,9 @@ class Notebook:
         position_std_m: float,
         measured_at: datetime,
     ) -> int:
-        self.samples.append((value, position_ned, position_std_m, measured_at))
-        return len(self.samples) - 1
+        of_channel = self.samples if variable in PLANNED else self.others.setdefault(variable, [])
+        of_channel.append((value, position_ned, position_std_m, measured_at))
+        return len(self.samples) + sum(map(len, self.others.values())) - 1
 
     def report_plan(
         self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""

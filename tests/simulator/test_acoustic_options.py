@@ -12,7 +12,7 @@ TROUBLE = ("--acoustic-loss", "0.3", "--acoustic-outliers", "0.1")
 
 def test_simulation_makes_the_water_as_bad_as_told(tmp_path, monkeypatch):
     taken = []
-    monkeypatch.setattr(process, "run", taken.append)
+    monkeypatch.setattr(process, "run", lambda settings, *_, **__: taken.append(settings))
     assert main(("simulate", "--data", str(tmp_path), *TROUBLE)) == 0
     for robot in (MINI_1, GRACE_1):
         water, calm = taken[0].acoustics(robot), robot.acoustics
@@ -23,7 +23,7 @@ def test_simulation_makes_the_water_as_bad_as_told(tmp_path, monkeypatch):
 
 def test_water_is_good_unless_told_otherwise(tmp_path, monkeypatch):
     taken = []
-    monkeypatch.setattr(process, "run", taken.append)
+    monkeypatch.setattr(process, "run", lambda settings, *_, **__: taken.append(settings))
     assert main(("simulate", "--data", str(tmp_path))) == 0
     assert taken[0].acoustics(MINI_1) == MINI_1.acoustics
 

@@ -9,8 +9,9 @@ import pytest
 from autonomy.site import LAKE, TANK
 from onboard.flight.hardware import SetPoints
 from simulator.fleet import MINI_1
-from simulator.flow import Gyre, Shear, Sum, Tide, Uniform, read_flow
+from simulator.flow import Gyre, Modelled, Shear, Sum, Tide, Uniform, read_flow
 from simulator.robot import SimulatedBody
+from tests.autonomy.ocean import EPOCH_S, ORIGIN, ocean, rate
 
 
 def points(north_m=0.0, east_m=0.0, depth_m=3.0, time_s=0.0) -> np.ndarray:
@@ -83,3 +84,24 @@ def test_flow_carries_a_robot_at_its_own_time() -> None:
         ways.append(body.plant.position_ned[0] - MINI_1.start_ne_m[0])
     assert ways[0] > 0.3
     assert ways[1] == pytest.approx(-ways[0], abs=0.02)
+
+
+def test_an_ocean_model_flows_where_and_when_it_tells(tmp_path) -> None:
+    path = ocean(tmp_path / "model.nc")
+    flow = read_flow(f"{path}+uniform:0.01@0", LAKE)
+    assert isinstance(flow, Sum)
+    assert isinstance(flow.parts[0], Modelled)
+    here = np.array([[0.0, 0.0, 5.0, EPOCH_S + 3600.0]])
+    north, east = rate(*ORIGIN, 5.0, 1.0)
+    np.testing.assert_allclose(flow.velocity_ne_m_s(here), [[north + 0.01, east]], atol=1e-6)
+    # farther on it is another one, and after its end the water is still
+    there = here + np.array([500.0, 0.0, 0.0, 0.0])
+    assert abs(flow.velocity_ne_m_s(there)[0, 0] - north - 0.01) > 1e-3
+    late = here + np.array([0.0, 0.0, 0.0, 1e6])
+    np.testing.assert_allclose(flow.velocity_ne_m_s(late), [[0.01, 0.0]], atol=1e-9)
+    # another water is not flooded by it, and a broken file is refused
+    elsewhere = LAKE.model_copy(update={"origin_latitude_deg": 10.0})
+    assert read_flow(str(path), elsewhere) == Uniform(0.0, 0.0)
+    path.write_bytes(b"CDF")
+    with pytest.raises(ValueError, match=r"model\.nc: no NetCDF file"):
+        read_flow(str(path), LAKE)

@@ -97,11 +97,17 @@ async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
                 for report in heard.of(PlanReport)
             ),
         )
-        await until(lambda: len(heard.of(Sample)) > 15)
+        await until(lambda: min(counted(heard, "blue_light", "temperature")) > 15)
     samples = heard.of(Sample)
+    assert {sample.variable for sample in samples} == {"blue_light", "temperature"}
     assert {sample.robot for sample in samples} == {MINI_1.robot}
     assert max(sample.position_ned[2] for sample in samples) > 0.4
     assert RobotMode.GLIDING in {report.mode for report in heard.of(StateReport)}
+
+
+def counted(heard, *channels) -> list[int]:
+    """Return how many samples of each channel were heard."""
+    return [sum(sample.variable == key for sample in heard.of(Sample)) for key in channels]
 
 
 def dives(count: int) -> tuple[Leg, ...]:

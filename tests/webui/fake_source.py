@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from autonomy.field.variable import VARIABLES
+from autonomy.channel import CHANNELS
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import LAKE, TANK, Area, Site
 from autonomy.vehicle.hull import Hull
@@ -141,7 +141,7 @@ class FakeSource:
         bump = np.exp(-((x - 0.3) ** 2 + (y - 0.4) ** 2) / 0.05 - (z - 0.6) ** 2 / 0.1)
         other = np.exp(-((x - 0.75) ** 2 + (y - 0.7) ** 2) / 0.04 - (z - 0.3) ** 2 / 0.1)
         return MapView(
-            VARIABLES[self.site.variable], "recursive", north, east, depth,
+            CHANNELS[self.site.variable], "recursive", north, east, depth,
             3.4 + 2 * bump + 3 * other, 0.5 - 0.3 * bump, (10, 40, 100), 1, NOON,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
-from db.query.people import TokenRecord
+from db.query.station.people import TokenRecord
 from robot_link.clock import monotonic_s
 from server.access import (
     access,
@@ -40,8 +40,16 @@ OPEN_TO_ALL = {
     ("POST", "/api/gateways/cloudloop/push/{secret}"),
 }
 """Pushes of gateways prove themselves otherwise: by their path and what they say."""
-OPEN_TO_VIEWERS = {"/api/session", "/api/session/ticket"}
-"""Signing out, and looking on: neither changes what anybody else sees."""
+OPEN_TO_VIEWERS = {
+    "/api/session",
+    "/api/session/ticket",
+    "/api/robots/{robot}/parameters/compare",
+}
+"""Signing out, looking on, and comparing: none changes what anybody else sees.
+
+The comparison is a POST because a file travels in its body; it reads what the robot said last and
+writes nothing.
+"""
 ADMIN_ONLY = {
     "/api/people",
     "/api/people/{name}",

@@ -6,6 +6,7 @@ import json
 import pytest
 
 from server.access import body
+from server.access.body import FILE_BYTES_MAX
 from server.access.role import Role
 from tests.server.station_app import bearer, client_of, token_of
 
@@ -122,3 +123,14 @@ async def test_what_is_no_json_is_called_that(app, sent, reason):
     assert answer.headers["content-type"] == "application/problem+json"
     assert answer.json()["detail"].startswith("The body is not JSON: ")
     assert reason in answer.json()["detail"]
+
+
+def test_every_route_that_takes_a_file_says_how_large_it_may_be(app):
+    paths = app.openapi()["paths"]
+    taking = {
+        path
+        for path, verbs in paths.items()
+        for verb in verbs.values()
+        if "multipart/form-data" in verb.get("requestBody", {}).get("content", {})
+    }
+    assert taking == set(FILE_BYTES_MAX)

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from autonomy.site import LAKE, TANK
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     LinkReport,
@@ -210,7 +210,10 @@ def test_robot_that_the_water_carries_ashore_alarms(status):
     assert 0.0 < left_m < 60.0
     status.current_report = CurrentReport(MINI, NOW, NOW, (0.0, 0.04), 0.01, 1.0, 3, 0)
     assert "near the shore" in verdicts(status)["adrift"].text
-    status.current_report = replace(status.current_report, current_ne_m_s=(0.0, -0.04))
+    sure = status.current_report
+    status.current_report = replace(sure, current_std_m_s=0.05)
+    assert "adrift" not in verdicts(status), "of which nobody knows whither it flows"
+    status.current_report = replace(sure, current_ne_m_s=(0.0, -0.04))
     assert "adrift" not in verdicts(status)
     status.current_report = replace(status.current_report, current_ne_m_s=(0.0, 0.04))
     status.plan_report = PlanReport(MINI, None, OnboardPlanState.RUNNING, 1, 3, 2.0, "", NOW, NOW)

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 from sqlalchemy.orm import Session
 
-from db.query.events import add_event, newest_events
+from db.query.station.events import add_event, newest_events
 from db.store import Store
 from server.base.event_bus import EventBus
 

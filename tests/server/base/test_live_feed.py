@@ -7,7 +7,7 @@ import pytest
 import pytest_asyncio
 from sqlalchemy.exc import OperationalError
 
-from db.query.events import add_event
+from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import SystemClock
 from server.base.event_bus import EventBus, EventLogged, JobChanged

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
 from tests.db.conftest import robot_record, sample
 from tests.server.station_app import running, signed_in
 

@@ -4,8 +4,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from db.query.commands import add_command, list_commands
-from db.query.missions import get_mission
+from db.query.mission.commands import add_command, list_commands
+from db.query.mission.missions import get_mission
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, CommandReport
 from server.transfer.state import TransferEvidence, WithdrawnError, apply
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from db.query.commands import CREATED, add_command, get_command
-from db.query.events import newest_events
+from db.query.mission.commands import CREATED, add_command, get_command
+from db.query.station.events import newest_events
 from robot_link.messages import CommandKind, CommandLevel
 from server.command.state import SETTLED, TRANSITIONS, apply
 from tests.server.conftest import GRACE

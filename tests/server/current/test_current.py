@@ -14,7 +14,7 @@ from autonomy.current.config import CurrentMapConfig
 from autonomy.current.model import CurrentMap, Taking
 from autonomy.estimation.config import estimator_preset
 from db.fault import StoreError
-from db.query.events import newest_events
+from db.query.station.events import newest_events
 from robot_link.messages import RobotId, RobotMode, StateReport
 from robot_link.report import CurrentReport
 from server.current import currents as module
@@ -275,7 +275,7 @@ def test_impossible_dive_is_refused_and_a_repeated_one_ignored():
 
 def columns_of(told):
     """Return reports as the database gives them."""
-    from db.query.smoothing import TrackColumns
+    from db.query.measured.smoothing import TrackColumns
 
     count = len(told)
     return TrackColumns(
@@ -289,7 +289,7 @@ def columns_of(told):
 
 
 def fixes_of(told):
-    from db.query.current_observations import ReportedFix
+    from db.query.measured.current_observations import ReportedFix
 
     return [
         ReportedFix(

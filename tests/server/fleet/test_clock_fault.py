@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from db.query.samples import newest_samples
+from db.query.measured.samples import newest_samples
 from robot_link.messages import StateReport
 from server.fleet.clock_fault import ClockJudge
 from tests.server.conftest import MINI, until

@@ -9,7 +9,7 @@ import segno
 from sqlalchemy import event
 from sqlalchemy.exc import OperationalError
 
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
 from robot_link.messages import RobotId
 from server.access.role import Role
 from server.base.secret import SecretStore

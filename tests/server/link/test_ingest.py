@@ -5,10 +5,13 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from db.query.events import newest_events
-from db.query.samples import newest_samples, sample_columns
-from db.tables import RawFrameRow, SampleRow, StateRow
+from db.query.measured.samples import newest_samples, sample_columns
+from db.query.station.events import newest_events
+from db.sample_tables import SampleRow
+from db.tables import RawFrameRow, StateRow
+from db.tag_tables import DetectionRow
 from robot_link.messages import OnboardPlanState, PlanReport
+from robot_link.report import Detection, ReceiverReport
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report
 
@@ -218,3 +221,50 @@ async def test_one_state_of_long_ago_is_no_state_of_now(station, world):
     status = station.fleet.status(MINI)
     assert status.state.battery_fraction == 0.05
     assert status.clock_fault is None
+
+
+def heard_tag(**changes):
+    told = Detection(
+        robot=MINI,
+        log=1,
+        sequence=500,
+        receiver=480123,
+        tag="A69-1601-179",
+        sensor=None,
+        position_ned=(1.0, 0.5, 0.2),
+        position_std_m=0.1,
+        measured_at=datetime.now(UTC),
+        received_at=datetime.now(UTC),
+    )
+    return replace(told, **changes)
+
+
+async def test_a_heard_tag_is_acknowledged_once_it_is_stored(station, foundation, world):
+    heard = heard_tag()
+    world.tell(heard)
+    await until(lambda: world.acknowledged)
+    world.tell(heard)
+    await until(lambda: len(world.acknowledged) == 2)
+    assert set(world.acknowledged) == {(MINI, 1, 500)}
+    assert await count(foundation, DetectionRow) == 1
+
+
+async def test_an_impossible_heard_tag_is_acknowledged_and_not_stored(station, foundation, world):
+    world.tell(heard_tag(position_ned=(900.0, 0.5, 0.2)))
+    await until(lambda: world.acknowledged or station.ingest.flush())
+    assert station.fleet.status(MINI).refused == 1
+    assert await count(foundation, DetectionRow) == 0
+
+
+async def test_a_receiver_whose_clock_is_wrong_is_said_once(station, foundation, world):
+    now = datetime.now(UTC)
+    for _ in range(3):
+        world.tell(ReceiverReport(MINI, now, now, 480123, 1, 2, 0, 0, -75.0))
+
+    async def told():
+        events = await foundation.store.query(newest_events)
+        return [event for event in events if event.kind == "receiver.clock"]
+
+    await until(told)
+    assert len(await told()) == 1
+    assert "-75 s" in (await told())[0].text

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from db.query.robots import list_robots
+from db.query.fleet.robots import list_robots
 from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
 from server.base.secret import SecretStore

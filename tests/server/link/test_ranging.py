@@ -7,8 +7,8 @@ from random import Random
 
 import pytest
 
-from db.query.ranges import list_ranges
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
+from db.query.measured.ranges import list_ranges
 from db.store import Store
 from robot_link.acoustic.micromodem import MicroModem
 from robot_link.messages import LinkState, RobotId, SystemId

@@ -97,7 +97,7 @@ async def ended(station, job):
 async def test_parameters_are_read_and_stay_ashore(station, parameters):
     assert (await parameters.view(MINI)).read_at is None
     job = await ended(station, await parameters.read(MINI, by="Kim"))
-    assert (job.state, job.result) == ("done", {"parameters": 2})
+    assert (job.state, job.result) == ("done", {"parameters": 2, "described": 0})
     view = await parameters.view(MINI)
     assert [(one.name, one.value, one.is_integer) for one in view.parameters] == [
         ("PITCH_GAIN", 0.5, False),

@@ -6,11 +6,12 @@ import httpx
 import numpy as np
 import pytest
 
+from autonomy.channel import CHANNELS
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.site import TANK
-from db.query.maps import MapRecord, add_map
-from db.query.robots import add_robot
-from db.query.samples import SampleColumns
+from db.query.fleet.robots import add_robot
+from db.query.measured.maps import MapRecord, add_map
+from db.query.measured.samples import SampleColumns
 from robot_link.messages import RobotId
 from server.map.grid import grid_of
 from server.map.site_map import Seen, SiteMap
@@ -30,11 +31,11 @@ def test_samples_that_cannot_be_carried_are_told_of():
     columns = SampleColumns(
         place, stds_m, place, stds_m, north_m, 1_000_000 * numbers, zeros, zeros, numbers
     )
-    told = {}
+    told, channel = {}, CHANNELS["blue_light"]
     for carriage in ("still", "water"):
         config = FIELD_PRESETS["blue_light"].model_copy(update={"carriage": carriage})
         grid = grid_of(config, TANK.domain, TANK)
-        told[carriage] = SiteMap.from_columns(config, grid, (MINI,), columns).water_moved
+        told[carriage] = SiteMap.from_columns(config, channel, grid, (MINI,), columns).water_moved
     assert told == {
         "still": "",
         "water": "The samples are not carried: the map of the current tells too little.",

@@ -11,8 +11,8 @@ from autonomy.field.config import FIELD_PRESETS
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.site import TANK
-from db.query.robots import add_robot
-from db.query.samples import sample_columns
+from db.query.fleet.robots import add_robot
+from db.query.measured.samples import sample_columns
 from robot_link.messages import RobotId, Sample
 from server.map import comparison_task as compare_maps
 from server.map.comparison import _problem
@@ -245,14 +245,15 @@ def test_hardly_any_sample_is_compared_without_an_error(count):
 
 
 async def test_samples_that_the_map_carries_are_carried_for_models_learning_and_plans(
-    client, station, world
+    client, station, world, monkeypatch
 ):
     await sampled(station, world)
     group = station.maps.group(MINI)
-    flowing = Steady((0.002, 0.0))
-    station.maps._carrier_of = lambda _: flowing
+    flown = SimpleNamespace(
+        known=Steady((0.002, 0.0)), is_carrier=lambda _: True, is_usable=lambda _: False
+    )
+    monkeypatch.setattr(station.currents, "of", lambda _: flown)
     problems = station.planning.problems
-    problems._currents = SimpleNamespace(usable=lambda _: flowing)
     with station.foundation.store.read() as session:
         columns = sample_columns(session, (MINI,), "blue_light")
     taken = field_samples(columns)

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
+from autonomy.channel import CHANNELS
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.site import TANK, Area, Bathymetry
-from db.query.robots import add_robot, change_robot
-from db.query.samples import sample_columns
+from db.query.fleet.robots import add_robot, change_robot
+from db.query.measured.samples import sample_columns
 from robot_link.messages import LogId, RobotId, Sample
 from server.fleet.water import site_robots
 from server.link.event import SamplesStored
@@ -62,7 +63,7 @@ async def test_dives_of_two_robots_are_never_one(pair):
     ]
     store.append(told).result(60)
     with store.read() as session:
-        samples = site_samples(session, OTHER, "blue_light")
+        samples = site_samples(session, OTHER, CHANNELS["blue_light"])
         columns = sample_columns(session, (MINI, OTHER), "blue_light")
     assert samples.points[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 0.5]
     a, b, c, d, e = samples.dive.tolist()

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from db.query.configurations import configuration_history
-from db.query.samples import sample_columns
+from db.query.measured.samples import sample_columns
+from db.query.station.configurations import configuration_history
 from db.store import Store
 from server.base.settings import Settings
 from server.map.site_map import SiteMap
@@ -108,7 +108,9 @@ async def test_station_killed_while_it_smooths_and_learns_goes_on_where_it_was(t
             return group is not None and group.live.smoothed == 80 and group.live
 
         live = await until(made_of_all)
-        anew = SiteMap.from_columns(live.config, live.grid, live.robots, columns(kept))
+        anew = SiteMap.from_columns(
+            live.config, live.channel, live.grid, live.robots, columns(kept)
+        )
         np.testing.assert_allclose(live.view.mean, anew.view.mean, atol=1e-9)
         ended = await station.foundation.jobs.get(job)
         assert (ended.state, "start it again" in ended.message) == ("failed", True)

@@ -7,9 +7,9 @@ import pytest
 from autonomy.field.config import FieldConfig
 from autonomy.field.synthetic import measure
 from autonomy.site import TANK
-from db.query.configurations import configuration_history
-from db.query.events import newest_events
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
+from db.query.station.configurations import configuration_history
+from db.query.station.events import newest_events
 from robot_link.messages import LogId, RobotId, Sample
 from server.map import field_maps as mapping
 from server.map import learning_task as learn_field

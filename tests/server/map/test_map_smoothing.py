@@ -5,13 +5,14 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from autonomy.channel import CHANNELS
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.field.samples import FieldSamples
 from autonomy.site import TANK
 from db.fault import StoreUnavailableError
-from db.query import smoothing as query
-from db.query.events import newest_events
-from db.query.samples import sample_columns
+from db.query.measured import smoothing as query
+from db.query.measured.samples import sample_columns
+from db.query.station.events import newest_events
 from db.store import Store
 from robot_link.clock import SystemClock
 from robot_link.messages import Sample
@@ -183,7 +184,7 @@ async def test_smoothed_samples_reach_whoever_asks_for_the_samples_of_the_water(
     await kept(store, dive(MINI, begin_of(1)))
     await Smoothing(store, SystemClock()).look(MINI)
     with store.read() as session:
-        samples = site_samples(session, MINI, "blue_light")
+        samples = site_samples(session, MINI, CHANNELS["blue_light"])
     assert (samples.position_std_m < samples.filtered_std_m).all()
     assert len(np.unique(samples.dive)) == 1
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.field.threshold import drawn_fields, level_of, share_above
-from benchmarks.field_threshold import probability_above
+from benchmarks.field.field_threshold import probability_above
 from server.map import threshold
 from tests.server.conftest import MINI, until
 

@@ -8,7 +8,7 @@ import pytest
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
-from db.query.telemetry import track
+from db.query.measured.telemetry import track
 from robot_link.messages import OnboardPlanState, RobotMode
 from server.access.role import Role
 from server.plan.ahead import planned_rest

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from autonomy import warm_up
-from db.query.jobs import JobRecord
+from db.query.station.jobs import JobRecord
 from server.base.job import JobWork
 from server.base.worker import WorkerTaskError
 from server.plan import machine_code

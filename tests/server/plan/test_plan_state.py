@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from db.query.events import newest_events
-from db.query.plans import ENDED_STATES, PlanStateError, add_plan, get_plan
+from db.query.mission.plans import ENDED_STATES, PlanStateError, add_plan, get_plan
+from db.query.station.events import newest_events
 from server.plan.state import ON_THE_WAY, TRANSITIONS, PlanEvidence, apply, leads_on
 from tests.server.conftest import GRACE
 from tests.server.one_writer import callers_of

@@ -5,15 +5,17 @@ import io
 import math
 import threading
 from dataclasses import replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 from sqlalchemy import event as sqlalchemy_event
 
-from db.query.maps import newest_maps
-from db.query.robots import add_robot, get_robot
-from db.query.telemetry import history, newest_state, track
+from autonomy.channel import CHANNELS
+from db.query.fleet.robots import add_robot, get_robot
+from db.query.measured.maps import newest_maps
+from db.query.measured.telemetry import history, newest_state, track
 from server.recording import keep, table
 from server.recording.map_fit import FitProblem, run
 from server.recording.table import Policy, read_recording
@@ -168,6 +170,32 @@ async def test_the_track_goes_out_for_maps(pilot):
     assert wrong.status_code == 422
 
 
+async def test_samples_go_out_for_maps_with_the_values_of_their_channels(pilot):
+    await import_file(pilot, dive_csv(rows=10))
+    path = "/api/deployments/deployment-1/export?values=true"
+    found = (await pilot.get(f"{path}&format=geojson")).json()
+    assert found["properties"]["simulation"] is False
+    assert found["properties"]["units"]["chlorophyll"] == "ug/L"
+    assert len(found["features"]) == 10
+    first = found["features"][0]
+    assert first["geometry"]["coordinates"] == pytest.approx((-130.6, 48.9, 0.0), abs=1e-6)
+    csv = (await pilot.get("/api/deployments/deployment-1/export")).text.splitlines()
+    keys, cells = (line.split(",") for line in csv[-11:-9])
+    written = dict(zip(keys, cells, strict=True))
+    assert first["properties"]["chlorophyll"] == float(written["chlorophyll"])
+    assert datetime.fromisoformat(first["properties"]["time"]).timestamp() == pytest.approx(
+        float(written["time"])
+    )
+    tree = ET.fromstring((await pilot.get(f"{path}&format=kml")).text)
+    kml = "{http://www.opengis.net/kml/2.2}"
+    marks = tree.findall(f".//{kml}Placemark")
+    assert len(marks) == 10
+    [value] = [one for one in marks[0].iter(f"{kml}SimpleData") if one.get("name") == "chlorophyll"]
+    assert float(value.text) == float(written["chlorophyll"])
+    titles = [one.text for one in tree.iter(f"{kml}displayName")]
+    assert "Chlorophyll, ug/L" in titles
+
+
 async def test_what_a_simulated_robot_measured_is_marked_wherever_it_goes(app, pilot):
     store = app.state.foundation.store
     await store.write(lambda session: add_robot(session, robot_record()))
@@ -184,7 +212,8 @@ async def test_what_a_simulated_robot_measured_is_marked_wherever_it_goes(app, p
     assert [line.rsplit(",", 2)[1:] for line in lines[-2:]] == [["3.0", ""], ["3.0", "3.0"]]
     feature = (await pilot.get(f"{path}?format=geojson")).json()
     assert feature["properties"]["simulation"] is True
-    assert "<name>SIMULATION: " in (await pilot.get(f"{path}?format=kml")).text
+    for more in ("", "&values=true"):
+        assert "<name>SIMULATION: " in (await pilot.get(f"{path}?format=kml{more}")).text
 
 
 async def test_a_deployment_counts_what_it_gives_away(app, pilot):
@@ -203,7 +232,8 @@ async def test_a_deployment_counts_what_it_gives_away(app, pilot):
 
 
 def test_maps_are_fitted_until_the_work_is_called_off():
-    problem = FitProblem(points=[[0.0, 0.0, 0.0]], values={"chlorophyll": [], "temperature": []})
+    values = {"chlorophyll": [], "temperature": []}
+    problem = FitProblem([[0.0, 0.0, 0.0]], values, dict(CHANNELS))
     assert run(problem, lambda news: None, lambda: True) == []
 
 
@@ -211,7 +241,7 @@ def test_maps_are_fitted_until_the_work_is_called_off():
 async def test_a_real_glider_comes_in(app, pilot):
     """Every sample is read; every tenth is imported, for the map's sake."""
     with REAL.open("rb") as file:
-        recording = read_recording(file, REAL.stat().st_size, Policy.REFUSE)
+        recording = read_recording(file, REAL.stat().st_size, Policy.REFUSE, CHANNELS)
     assert len(recording.time_s) == 5044
     assert recording.depth_m.max() == pytest.approx(705.17)
     header, *rows = REAL.read_text().splitlines()
@@ -243,7 +273,8 @@ async def test_deployments_are_listed_in_one_look_that_reads_no_samples(app, pil
     assert [deployment["samples"] for deployment in listed] == [2, 20, 20]
     about = [said for said in statements if "deployment" in said or "sample" in said]
     assert about
-    assert not [said for said in about if "count(" in said or "field_sample" in said]
+    counted = [said for said in about if "count(" in said]
+    assert all("measured_at >=" in said and "measured_at <" in said for said in counted)
 
 
 @pytest.mark.parametrize("step", ["reading", "keeping"])

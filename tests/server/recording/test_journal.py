@@ -12,9 +12,9 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common
 
-from benchmarks.telemetry_fleet import Program, state
-from db.query.journal import JournalRange, iterate_frames
-from db.query.robots import change_robot
+from benchmarks.station.telemetry_fleet import Program, state
+from db.query.fleet.robots import change_robot
+from db.query.station.journal import JournalRange, iterate_frames
 from db.store import Store
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import RobotLink
@@ -46,6 +46,7 @@ async def talk(link):
         at = datetime.now(UTC)
         depth_m = 900.0 if number == 7 else 0.4
         link.record_sample("blue_light", 0.1 * number, (1.0, 0.5, depth_m), 0.05, at)
+        link.report_health({"humidity": float(number)}, at)
         await asyncio.sleep(0.01)
 
 
@@ -90,7 +91,8 @@ async def test_a_replay_of_the_journal_gives_the_rows_that_are_stored(folder, tm
     store.close()
     rebuilt.close()
     assert packets > 10
-    assert tables["field_sample"].same == SAMPLES - 1
+    assert tables["sample"].same == SAMPLES - 1
+    assert tables["reading"].same > 0
     assert tables["state_report"].same > 0
     assert tables["plan_report"].same > 0
     assert tables["track_report"].same > 0

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from autonomy.channel import CHANNELS
 from server.recording import table
 from server.recording.table import Policy, RecordingError, RowFault, ascending, read_recording
 
@@ -20,7 +21,7 @@ GOOD = ["1000,48.9,-130.6,0.5,0.37", "1030,48.9,-130.6,4.0,0.41", "1060,48.9,-13
 
 def read(text, policy=Policy.SKIP, **more):
     data = text.encode() if isinstance(text, str) else text
-    return read_recording(io.BytesIO(data), len(data), policy, **more)
+    return read_recording(io.BytesIO(data), len(data), policy, CHANNELS, **more)
 
 
 def with_row(row, at=2):
@@ -124,7 +125,7 @@ def test_bytes_that_are_no_text_break_their_row_only():
         ("", "must name the columns"),
         ("lat,lon,time,depth,chlorophyll", "must name the columns"),
         ("time,latitude,longitude,depth", "There is no variable"),
-        ("time,latitude,longitude,depth,salinity", "'salinity' is unknown"),
+        ("time,latitude,longitude,depth,unheard_of", "'unheard_of' is unknown"),
         ("time,latitude,longitude,depth,temperature,temperature", "appears twice"),
     ],
 )

@@ -5,7 +5,7 @@ import stat
 
 import pytest
 
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, Taken
 from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError

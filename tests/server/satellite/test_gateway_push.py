@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from db.fault import StoreUnavailableError
-from db.query.events import newest_events
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
+from db.query.station.events import newest_events
 from robot_link.station.gateway.gateway import HeldBackError
 from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount

@@ -2,7 +2,7 @@
 
 from contextlib import asynccontextmanager
 
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
 from db.store import Store
 from robot_link.clock import SystemClock
 from server.app import create_app

@@ -6,9 +6,9 @@ it had in memory, and goes on with what the database has.
 
 import pytest
 
-from db.query import outbox as outbox_query
-from db.query.commands import get_command
-from db.query.satellite_messages import messages_of
+from db.query.mission.commands import get_command
+from db.query.satellite import outbox as outbox_query
+from db.query.satellite.satellite_messages import messages_of
 from db.store import Store
 from robot_link.messages import CommandKind
 from server.base.secret import SecretStore

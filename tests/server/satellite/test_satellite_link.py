@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 import pytest
 from sqlalchemy import select
 
-from db.query.events import newest_events
-from db.query.samples import newest_samples
+from db.query.measured.samples import newest_samples
+from db.query.station.events import newest_events
 from db.tables import RawFrameRow
 from robot_link.messages import (
     LinkState,

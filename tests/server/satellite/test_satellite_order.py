@@ -2,7 +2,7 @@
 
 import pytest
 
-from db.query.outbox import open_outbox
+from db.query.satellite.outbox import open_outbox
 from robot_link.messages import CommandKind, CommandLevel, RobotMode
 from robot_link.robot_program import CommandOutcome
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal

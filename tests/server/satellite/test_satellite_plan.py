@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from db.query.events import newest_events
-from db.query.outbox import outbox_of_transfer
+from db.query.satellite.outbox import outbox_of_transfer
+from db.query.station.events import newest_events
 from robot_link.messages import CommandKind, OnboardPlanState
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from tests.server.conftest import until

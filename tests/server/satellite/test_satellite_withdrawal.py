@@ -2,9 +2,9 @@
 
 import pytest
 
-from db.query import outbox as query
-from db.query.commands import get_command
-from db.query.satellite_messages import credits_spent, messages_of
+from db.query.mission.commands import get_command
+from db.query.satellite import outbox as query
+from db.query.satellite.satellite_messages import credits_spent, messages_of
 from db.store import Store
 from robot_link.messages import CommandKind, CommandLevel
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError

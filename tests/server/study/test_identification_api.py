@@ -13,7 +13,7 @@ from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.recording import Recording
 from autonomy.vehicle.config import MINIGLIDER
 from db.fault import StoreUnavailableError
-from db.query import studies as query
+from db.query.mission import studies as query
 from db.tables import Deployment
 from robot_link.messages import RobotMode
 from server.access.role import Role

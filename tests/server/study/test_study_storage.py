@@ -6,7 +6,7 @@ from datetime import timedelta
 import pytest
 
 from db.fault import StoreUnavailableError
-from db.query import studies
+from db.query.mission import studies
 from server.base import study
 from tests.server.conftest import MINI, until
 from tests.server.fake_link import state_report

@@ -9,8 +9,8 @@ from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from autonomy.vehicle.trim import TrimConfig
 from db.fault import StoreUnavailableError
-from db.query import studies as query
-from db.query.state_columns import state_columns
+from db.query.measured.state_columns import state_columns
+from db.query.mission import studies as query
 from server.access.role import Role
 from server.study import flight_recording, trim
 from server.study.trim import in_words

@@ -9,7 +9,7 @@ from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import VEHICLES
 from autonomy.whatif.result import Track
 from autonomy.whatif.setting import packed_references
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
 from server.base.configuration_kind import KINDS
 from server.study.whatif import water_notices
 from tests.server.study.test_whatif_api import SHORT, ended, start

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from autonomy.planner.preset import MINIGLIDER
-from db.query.plans import PlanRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport
 from server.plan.ahead import due_at, is_due, planned_rest, remaining_s, unflown
 from server.plan.document import legs_of, points_of

@@ -11,9 +11,9 @@ import pytest
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.work import joules_per_unit
 from autonomy.vehicle.config import VEHICLES
-from db.query.events import newest_events
-from db.query.maps import newest_maps
-from db.query.samples import sample_columns
+from db.query.measured.maps import newest_maps
+from db.query.measured.samples import sample_columns
+from db.query.station.events import newest_events
 from robot_link.messages import OnboardPlanState
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.site import TANK
-from db.query.robots import add_robot
+from db.query.fleet.robots import add_robot
 from robot_link.messages import RobotId
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, GRACE, MINI, open_station, robot_record, until

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from autonomy.tracking.phase import TargetPhase
-from db.query.target_reports import newest_target_report
+from db.query.mission.target_reports import newest_target_report
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
 from robot_link.report import TargetEstimate
 from server.base.live_feed import LiveFeed

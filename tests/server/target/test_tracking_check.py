@@ -8,8 +8,8 @@ import pytest
 from autonomy.site import LAKE, TANK
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.tracking.phase import TargetPhase
-from db.query.plans import PlanRecord
-from db.query.robots import RobotRecord
+from db.query.fleet.robots import RobotRecord
+from db.query.mission.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport, RobotId, RobotMode
 from robot_link.report import TargetEstimate
 from robot_link.satellite.content import MobileOriginatedContent

@@ -6,7 +6,7 @@ from datetime import timedelta
 import pytest
 
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from db.query.plans import get_plan
+from db.query.mission.plans import get_plan
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode
 from robot_link.mission import TARGET_FORMAT
 from robot_link.target_settings import TargetSettings

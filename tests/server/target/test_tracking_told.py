@@ -3,7 +3,7 @@
 import pytest
 
 from autonomy.tracking.phase import TargetPhase
-from db.query.events import events_after
+from db.query.station.events import events_after
 from robot_link.messages import OnboardPlanState
 from robot_link.report import TargetEstimate
 from tests.server.conftest import MINI, open_station, until

@@ -11,7 +11,7 @@ import pytest
 
 from autonomy.control.config import BACKSTEPPING_PRESETS
 from autonomy.site import TANK
-from db.query.events import newest_events
+from db.query.station.events import newest_events
 from robot_link.clock import SystemClock
 from robot_link.messages import (
     CommandKind,

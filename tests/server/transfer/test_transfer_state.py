@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from db.query.plans import add_plan, get_plan
-from db.query.transfers import add_transfer, get_transfer
+from db.query.mission.plans import add_plan, get_plan
+from db.query.mission.transfers import add_transfer, get_transfer
 from server.plan import state as plan_state
 from server.plan.state import PlanEvidence
 from server.transfer.state import TRANSITIONS, TransferEvidence, WithdrawnError, apply, close

@@ -5,6 +5,7 @@ import pytest
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.planner.config import EnergyConfig, PrimitiveConfig
 from autonomy.planner.preset import planner_preset
+from autonomy.site import TANK
 from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from db.fault import StoreUnavailableError
@@ -116,7 +117,8 @@ async def test_a_vehicle_begins_with_the_presets_of_the_one_nearest_in_mass(clie
         await client.post("/api/vehicles", json=body)
         await client.patch("/api/robots/mini-1", json={"model": body["key"]})
         found = (await client.get("/api/config/planner?robot=mini-1")).json()
-        assert found["value"] == planner_preset(nearest, "tank").model_dump(mode="json")
+        preset = planner_preset(nearest, "tank").model_copy(update={"domain": TANK.domain})
+        assert found["value"] == preset.model_dump(mode="json")
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)

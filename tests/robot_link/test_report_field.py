@@ -74,7 +74,7 @@ def wider_dialect(tmp_path_factory) -> Path:
 
 
 def test_one_row_more_travels_from_the_robots_state_to_gauges_files_and_rows(wider_dialect):
-    script = Path(__file__).parent / "one_more_channel.py"
+    script = Path(__file__).parent / "one_more_field.py"
     done = subprocess.run(
         [sys.executable, str(script), str(wider_dialect)],
         cwd=HERE.parents[1],

@@ -1,5 +1,5 @@
 # ruff: noqa: E402, T201 - the row must stand before whoever reads it is imported; words go to a pipe
-"""Run by ``test_channel``: the station and the robot with one channel more, by one row.
+"""Run by ``test_report_field``: the station and the robot with one channel more, by one row.
 
 The row is put into a state report before anything else is imported, as if it stood there; the
 argument is the dialect that has a field for it.
@@ -17,7 +17,7 @@ from typing import Annotated
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from robot_link import messages
-from robot_link.channel import Catalogue, Channel, Gauge, Octets, Possible, Recorded, Wire
+from robot_link.report_field import Catalogue, Gauge, Octets, Possible, Recorded, ReportField, Wire
 
 KEY = "hull_temperature_k"
 
@@ -28,7 +28,7 @@ class StateReport(messages.StateReport):
 
     hull_temperature_k: Annotated[
         float,
-        Channel(
+        ReportField(
             unit="K",
             wire=Wire("hull_temperature", 1e2),
             octets=Octets(15, 2, 1e2, signed=False),
@@ -50,10 +50,11 @@ importlib.import_module("robot_link.mavlink.dialect").grace = dialect
 from sqlalchemy import create_engine
 from sqlalchemy.orm import Session
 
+from autonomy.channel import CHANNELS
 from autonomy.site import TANK
 from db.ingest import append_telemetry
-from db.query.robots import add_robot
-from db.query.telemetry import history, newest_state
+from db.query.fleet.robots import add_robot
+from db.query.measured.telemetry import history, newest_state
 from db.tables import Base
 from onboard.log import FileLog
 from robot_link.mavlink import telemetry
@@ -120,7 +121,7 @@ def to_a_gauge() -> None:
 
 def from_a_file() -> None:
     text = f"time,latitude,longitude,depth,{KEY}\n1.0,50.0,8.0,0.5,281.5\n".encode()
-    found = read_recording(io.BytesIO(text), len(text), Policy.REFUSE)
+    found = read_recording(io.BytesIO(text), len(text), Policy.REFUSE, CHANNELS)
     assert found.flight[KEY].tolist() == [281.5]
 
 
