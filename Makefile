@@ -1,4 +1,4 @@
-# make demo: the station with two simulated robots.   make test, make walks: everything that can be tested here.
+# make demo: the station with three simulated robots.   make test, make walks: everything that can be tested here.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: help demo test walks check bench reproduce wheel setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:
-	@echo "make demo    start the station with two simulated robots and print its address"
+	@echo "make demo    start the station with three simulated robots and print its address"
 	@echo "make test    run every test that this machine can run, but the walks"
 	@echo "make walks   real demos as a user meets them, most in a real browser; takes minutes"
 	@echo "make check   format, lint, types, import directions, and the operator app's checks"
