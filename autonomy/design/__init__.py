@@ -1,0 +1,1 @@
+"""Designs: missions as people draw them, and the legs that they become."""

@@ -1,0 +1,275 @@
+"""A design: a mission as people work on it, before it becomes the legs of a plan.
+
+A design says places and manners (waypoints, a pattern over an area, a line to repeat), not legs:
+``way`` lays its waypoints out, ``glide_path`` turns those into glides and swims from wherever the
+robot is. So a design never goes stale because an idle robot drifts.
+
+Places are north and east in the frame of the design's water, metres; depths are positive down.
+"""
+
+from datetime import datetime
+from typing import Annotated, Literal, Self
+
+from pydantic import AwareDatetime, Field, model_validator
+
+from autonomy.configuration import Configuration, quantity
+
+WAYPOINTS_MAX = 500
+"""Waypoints of one design, patterns laid out."""
+REPEATS_MAX = 100
+"""Of a section."""
+_FAR_M = 1e6
+_DEEP_M = 12_000.0
+_CORNERS_MIN = 3
+_CORNERS_MAX = 256
+_TIMES_MAX = 100
+_HALF_TURN_RAD = 1.5707963267948966
+
+
+class Spot(Configuration):
+    """A place at the surface."""
+
+    north_m: float = quantity(..., "m", title="North", ge=-_FAR_M, le=_FAR_M)
+    """Northing in the water's frame."""
+    east_m: float = quantity(..., "m", title="East", ge=-_FAR_M, le=_FAR_M)
+    """Easting in the water's frame."""
+
+    @property
+    def ne_m(self) -> tuple[float, float]:
+        """North and east, m."""
+        return self.north_m, self.east_m
+
+
+Motion = Literal["glide", "swim"]
+
+
+class Manner(Configuration):
+    """How legs are flown unless a waypoint says otherwise."""
+
+    motion: Motion = quantity("glide", title="Motion")
+    """Glides between two depths, or swims along the surface."""
+    shallow_m: float = quantity(0.0, "m", title="Shallow turn", ge=0.0, le=_DEEP_M)
+    """Depth at which a climb turns into the next descent; 0 comes up to the surface each time."""
+    deep_m: float = quantity(0.5, "m", title="Deep turn", gt=0.0, le=_DEEP_M)
+    """Depth at which a descent turns into a climb; less where a leg is too short for it."""
+    glide_angle_rad: float = quantity(
+        0.6, "rad", title="Glide angle", gt=0.0, lt=_HALF_TURN_RAD, display_unit="deg"
+    )
+    """Angle of the path below and above the horizon."""
+    glide_speed_m_s: float | None = quantity(
+        None, "m/s", title="Vertical speed of glides", gt=0.0, le=5.0
+    )
+    """By default the planner's for the robot."""
+    swim_speed_m_s: float | None = quantity(None, "m/s", title="Swimming speed", gt=0.0, le=5.0)
+    """By default the planner's for the robot."""
+    floor_clearance_m: float | None = quantity(
+        None, "m", title="Clearance above the floor", ge=0.0, le=_DEEP_M
+    )
+    """Deep turns stay so far above the floor under their leg; without it a design that is too deep
+    is a violation."""
+
+    @model_validator(mode="after")
+    def _turns_in_order(self) -> Self:
+        if self.shallow_m >= self.deep_m:
+            raise ValueError("shallow_m must be less than deep_m")
+        return self
+
+
+class Waypoint(Spot):
+    """A place to come to, and how."""
+
+    name: str = Field(default="", max_length=60, title="Name")
+    """What operators call it."""
+    motion: Motion | None = quantity(None, title="Motion")
+    """How the robot comes here; by default the design's."""
+    shallow_m: float | None = quantity(None, "m", title="Shallow turn", ge=0.0, le=_DEEP_M)
+    """On the way here; by default the design's."""
+    deep_m: float | None = quantity(None, "m", title="Deep turn", gt=0.0, le=_DEEP_M)
+    """On the way here; by default the design's."""
+    glide_angle_rad: float | None = quantity(
+        None, "rad", title="Glide angle", gt=0.0, lt=_HALF_TURN_RAD, display_unit="deg"
+    )
+    """On the way here; by default the design's."""
+    speed_m_s: float | None = quantity(None, "m/s", title="Speed", gt=0.0, le=5.0)
+    """On the way here: vertical in a glide, along the way in a swim; by default the design's."""
+    surfaces: bool | None = quantity(None, title="Comes up here")
+    """By default as the rules of surfacing say; a design ends at the surface in any case."""
+
+    def manner(self, usual: Manner) -> Manner:
+        """Return how the robot comes here.
+
+        Raises:
+            ValueError: If the shallow turn is not above the deep one.
+        """
+        own = {
+            name: getattr(self, name)
+            for name in ("motion", "shallow_m", "deep_m", "glide_angle_rad")
+            if getattr(self, name) is not None
+        }
+        if self.speed_m_s is not None:
+            is_swim = (self.motion or usual.motion) == "swim"
+            own["swim_speed_m_s" if is_swim else "glide_speed_m_s"] = self.speed_m_s
+        return Manner(**(usual.model_dump() | own))
+
+
+class Way(Configuration):
+    """Waypoints, one after the other."""
+
+    kind: Literal["waypoints"] = "waypoints"
+    waypoints: Annotated[tuple[Waypoint, ...], Field(max_length=WAYPOINTS_MAX)] = ()
+    """In order, at most 500."""
+    returns: bool = quantity(False, title="Return to the first")
+    """Whether the robot comes back to the first waypoint at the end."""
+
+
+Corners = Annotated[tuple[Spot, ...], Field(min_length=_CORNERS_MIN, max_length=_CORNERS_MAX)]
+Line = Annotated[tuple[Spot, ...], Field(min_length=2, max_length=_CORNERS_MAX)]
+_SPACING = quantity(None, "m", title="Spacing", gt=0.0, le=_FAR_M)
+_HEADING = quantity(0.0, "rad", title="Heading", ge=-7.0, le=7.0, display_unit="deg")
+
+
+class Lawnmower(Configuration):
+    """Parallel lines over an area, to and fro; cross-hatched with a second set across."""
+
+    kind: Literal["lawnmower"] = "lawnmower"
+    area: Corners = Field(title="Area")
+    """Corners of the area, 3 to 256."""
+    spacing_m: float | None = _SPACING
+    """Between two lines; by default the correlation length of the robot's map."""
+    heading_rad: float = _HEADING
+    """Of the first line."""
+    is_crossed: bool = quantity(False, title="Cross-hatch")
+    """Whether the area is covered once more, across."""
+
+
+class ExpandingSquare(Configuration):
+    """A square spiral outwards from a place: the search for something lost."""
+
+    kind: Literal["expanding_square"] = "expanding_square"
+    centre: Spot
+    """Where it begins."""
+    spacing_m: float | None = _SPACING
+    """Between two turns; by default the correlation length of the robot's map."""
+    turns: int = quantity(3, title="Turns", ge=1, le=60)
+    """Times around."""
+    heading_rad: float = _HEADING
+    """Of the first leg."""
+
+
+class SpiralOut(Configuration):
+    """A round spiral outwards from a place, in straight legs."""
+
+    kind: Literal["spiral"] = "spiral"
+    centre: Spot
+    """Where it begins."""
+    spacing_m: float | None = _SPACING
+    """Between two turns; by default the correlation length of the robot's map."""
+    radius_m: float = quantity(..., "m", title="Radius", gt=0.0, le=_FAR_M)
+    """Where it ends."""
+
+
+class Star(Configuration):
+    """Lines through a place at evenly spread headings."""
+
+    kind: Literal["star"] = "star"
+    centre: Spot
+    """Where the lines cross."""
+    radius_m: float = quantity(..., "m", title="Radius", gt=0.0, le=_FAR_M)
+    """Half the length of a line."""
+    lines: int = quantity(3, title="Lines", ge=2, le=36)
+    """How many."""
+    heading_rad: float = _HEADING
+    """Of the first line."""
+
+
+class AlongLine(Configuration):
+    """Along a line, and back beside it as often as asked."""
+
+    kind: Literal["along_line"] = "along_line"
+    line: Line = Field(title="Line")
+    """Corners of the line, 2 to 256."""
+    passes: int = quantity(1, title="Passes", ge=1, le=50)
+    """How often it is followed, to and fro."""
+    spacing_m: float | None = _SPACING
+    """Between two passes, to starboard of the line; by default the correlation length."""
+
+
+class AlongIsobath(Configuration):
+    """Along a line of equal depth of the floor, from where it is nearest to a place."""
+
+    kind: Literal["along_isobath"] = "along_isobath"
+    depth_m: float = quantity(..., "m", title="Depth of the floor", gt=0.0, le=_DEEP_M)
+    """Which isobath."""
+    near: Spot
+    """It begins where the isobath is nearest to this."""
+    length_m: float = quantity(..., "m", title="Length", gt=0.0, le=_FAR_M)
+    """How far it is followed; it ends earlier where the isobath does."""
+    is_reversed: bool = quantity(False, title="The other way")
+    """With the shallow side to port instead of to starboard."""
+
+
+class Section(Configuration):
+    """A line that is repeated: the classic section of oceanography."""
+
+    kind: Literal["section"] = "section"
+    line: Line = Field(title="Line")
+    """Corners of the line, 2 to 256."""
+    repeats: int = quantity(2, title="Times", ge=1, le=REPEATS_MAX)
+    """How often it is flown, each time the other way."""
+
+
+class Mooring(Configuration):
+    """A virtual mooring: profiles at one place, spiral down and up, for some time."""
+
+    kind: Literal["mooring"] = "mooring"
+    place: Spot
+    """Where."""
+    duration_s: float = quantity(..., "s", title="Duration", gt=0.0, le=2_592_000.0)
+    """How long, from the arrival; at least one profile is flown."""
+
+
+Content = Annotated[
+    Way
+    | Lawnmower
+    | ExpandingSquare
+    | SpiralOut
+    | Star
+    | AlongLine
+    | AlongIsobath
+    | Section
+    | Mooring,
+    Field(discriminator="kind"),
+]
+
+
+class SurfacingRules(Configuration):
+    """When the robot comes up between the beginning and the end."""
+
+    at_waypoints: bool = quantity(True, title="At every waypoint")
+    """A waypoint may say otherwise for itself."""
+    every_s: float | None = quantity(None, "s", title="At least every", gt=0.0, le=2_592_000.0)
+    """The robot comes up before it is under water for longer."""
+    at_utc: Annotated[tuple[AwareDatetime, ...], Field(max_length=_TIMES_MAX)] = Field(
+        default=(), title="At times (UTC)"
+    )
+    """The last climb before each of these leads to the surface."""
+    max_uncertainty_m: float | None = quantity(
+        None, "m", title="When its position is less certain than", gt=0.0, le=_FAR_M
+    )
+    """Standard deviation; by default the planner's for the robot."""
+
+    @property
+    def times(self) -> tuple[datetime, ...]:
+        """Moments of ``at_utc``, ascending."""
+        return tuple(sorted(self.at_utc))
+
+
+class Design(Configuration):
+    """What a version of a design says."""
+
+    content: Content = Field(default_factory=Way)
+    """What is flown."""
+    manner: Manner = Manner()
+    """How, unless a waypoint says otherwise."""
+    surfacing: SurfacingRules = SurfacingRules()
+    """When the robot comes up."""
