@@ -265,6 +265,9 @@ class Site(Configuration):
     tide_offset_m: float = Field(default=0.0, ge=-20.0, le=20.0)
     """How much higher the surface is taken to stand than the depths' datum, m: the floor is so
     much deeper than the depths say."""
+    surface_altitude_m: float | None = Field(default=None, ge=-500.0, le=9000.0)
+    """How high the surface stands above mean sea level, m, for files that tell altitudes; None
+    where nobody said."""
     chart: ChartSummary | None = None
     """Outline and depths in full, where they are too large for this document."""
 

@@ -11,24 +11,22 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from autonomy.frames import ned_from_wgs84, wgs84_from_ned
+from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from robot_link.mavlink.wire import grace
 from robot_link.mission import Mission, MissionSettings
+from robot_link.service.item_place import (
+    GLOBAL,
+    ItemRefusal,
+    ItemWater,
+    below_surface,
+    changed_speed,
+    item_position,
+)
 from robot_link.service.standard_item import StandardItem
 
-_GLOBAL = frozenset(
-    (
-        grace.MAV_FRAME_GLOBAL,
-        grace.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-        grace.MAV_FRAME_GLOBAL_INT,
-        grace.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-    )
-)
 _DEGREES = 1e-7
 _LOCAL_M = 1e-4
-_ABOVE_M = 0.5
-"""A waypoint at the surface may be so much above it: whoever sets it knows the level no better."""
 _SAME_M = 0.01
 _SLOPE_DEG = 0.1
 """So much a slope may exceed the robot's window: less than any robot holds its angle."""
@@ -109,7 +107,7 @@ def mission_of_waypoints(
                         added[note].append(number)
                     here = there
             case grace.MAV_CMD_DO_CHANGE_SPEED:
-                speed_m_s = _speed(number, item, speed_m_s)
+                speed_m_s = _speed(number, item, speed_m_s, rules)
             case grace.MAV_CMD_NAV_RETURN_TO_LAUNCH:
                 legs += _up(here, rules)
                 here = (here[0], here[1], 0.0)
@@ -154,37 +152,24 @@ def _waypoint(place: PositionNed, rules: WaypointRules) -> StandardItem:
 
 
 def _place(number: int, item: StandardItem, rules: WaypointRules) -> PositionNed:
-    if not math.isfinite(item.z):
-        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, "it has no altitude")
-    if item.frame in _GLOBAL:
-        latitude, longitude = item.x * _DEGREES, item.y * _DEGREES
-        if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-            raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM5_X, "no such place")
-        origin = (rules.origin_latitude_deg, rules.origin_longitude_deg)
-        north, east = ned_from_wgs84(latitude, longitude, *origin).tolist()
-        depth = -item.z
-    elif item.frame == grace.MAV_FRAME_LOCAL_NED:
-        north, east, depth = item.x * _LOCAL_M, item.y * _LOCAL_M, item.z
-    else:
-        reason = f"frame {item.frame} is not known"
-        raise WaypointRefusal(number, grace.MAV_MISSION_UNSUPPORTED_FRAME, reason)
-    if depth > rules.depth_max_m:
-        reason = f"{depth:.1f} m is deeper than {rules.depth_max_m:g} m"
-        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
-    if depth < -_ABOVE_M:
-        reason = f"it is {-depth:.1f} m above the water"
-        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
-    return (north, east, max(0.0, depth))
+    unit = _DEGREES if item.frame in GLOBAL else _LOCAL_M
+    water = ItemWater(rules.origin_latitude_deg, rules.origin_longitude_deg)
+    try:
+        place = item_position(item.frame, item.x * unit, item.y * unit, item.z, water)
+        if place[2] > rules.depth_max_m:
+            reason = f"{place[2]:.1f} m is deeper than {rules.depth_max_m:g} m"
+            raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
+        return (*place[:2], below_surface(place[2]))
+    except ItemRefusal as refusal:
+        raise WaypointRefusal(number, refusal.result, str(refusal)) from refusal
 
 
-def _speed(number: int, item: StandardItem, speed_m_s: float) -> float:
-    asked = item.parameters[1]
-    if asked == -1.0:
-        return speed_m_s
-    if not (math.isfinite(asked) and asked > 0.0):
-        reason = f"{asked:g} m/s is no speed"
-        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM2, reason)
-    return asked
+def _speed(number: int, item: StandardItem, speed_m_s: float, rules: WaypointRules) -> float:
+    try:
+        asked = changed_speed(item.parameters[1], speed_m_s)
+    except ItemRefusal as refusal:
+        raise WaypointRefusal(number, refusal.result, str(refusal)) from refusal
+    return rules.swim_speed_m_s if asked is None else asked
 
 
 def _way(

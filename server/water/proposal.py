@@ -132,6 +132,14 @@ class Shape:
     role: Role = "ignored"
     place_kind: str = "landmark"
     depth_m: float = 0.0
+    heights_m: list[float | None] = field(default_factory=list)
+    """Of each place of a line or point, positive up as in the file; None where it says none."""
+    altitude_mode: str = ""
+    """What KML says of the heights."""
+    are_closed: bool = True
+    """Whether the file repeats the first corner of each ring at its end."""
+    words: Mapping[str, Any] = field(default_factory=dict)
+    """What else the file says of the feature."""
 
 
 @dataclass(slots=True)

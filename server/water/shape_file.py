@@ -4,27 +4,33 @@ Everything comes out in WGS84 degrees. What runs or loads something else is refu
 map has no business with either.
 """
 
-import io
 import itertools
-import json
 import math
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError
+from xml.etree.ElementTree import Element
 
+from server.water.foreign_file import (
+    XmlDocument,
+    file_bytes,
+    json_document,
+    kmz_document,
+    tag,
+    xml_document,
+)
 from server.water.proposal import LatitudeLongitude, Reading, ReadingError, Shape
 
-BYTES_MAX = 64 << 20
 FEATURES_MAX = 5_000
-KMZ_ENTRIES_MAX = 200
-KMZ_RATIO_MAX = 200
 _ACTIVE = ("<script", "javascript:", "<iframe", "onload=", "onerror=")
+_LOADS = ("NetworkLink", "NetworkLinkControl", "Script")
+_PICTURES = ("GroundOverlay", "ScreenOverlay", "PhotoOverlay")
 _CLOSED_SHARE = 0.05
 """A track whose ends are nearer than this share of its length is an outline."""
 _LONGEST_TURN_DEG = 180.0
 _PLACE_KINDS = ("dock", "beacon", "receiver", "landmark")
+_Vertex = tuple[float, float, float | None]
+"""Longitude or easting, latitude or northing, height where the file says one."""
 Project = Callable[[Sequence[tuple[float, float]]], list[LatitudeLongitude]]
 
 
@@ -39,7 +45,11 @@ def read_geojson(path: Path, project: Project | None) -> Reading:
     Raises:
         ReadingError: With the feature at fault.
     """
-    document = _json(_bytes(path))
+    return geojson_shapes(json_document(file_bytes(path)), project)
+
+
+def geojson_shapes(document: Any, project: Project | None = None) -> Reading:  # noqa: ANN401 - any JSON
+    """Return the shapes of a GeoJSON document; arguments and errors as of ``read_geojson``."""
     if not isinstance(document, dict):
         raise ReadingError(("", "the file is JSON, but no GeoJSON object"))
     named = _named_crs(document)
@@ -61,21 +71,6 @@ def read_geojson(path: Path, project: Project | None) -> Reading:
         for shape in _geojson_shapes(number, feature, project)
     ]
     return Reading("GeoJSON", shapes=shapes)
-
-
-def _json(content: bytes) -> Any:  # noqa: ANN401 - any JSON
-    try:
-        return json.loads(content.decode("utf-8-sig"), parse_constant=_no_number)
-    except UnicodeDecodeError as error:
-        raise ReadingError(("", f"the file is no UTF-8 text: byte {error.start}")) from error
-    except json.JSONDecodeError as error:
-        raise ReadingError((f"line {error.lineno}", f"no JSON: {error.msg}")) from error
-    except RecursionError as error:
-        raise ReadingError(("", "the file is nested too deeply")) from error
-
-
-def _no_number(name: str) -> float:
-    raise ReadingError(("", f"{name} is no number of JSON"))
 
 
 def _named_crs(document: Mapping[str, Any]) -> str:
@@ -115,14 +110,18 @@ def _geojson_shapes(
         return
     for kind, coordinates in _geometries(number, geometry):
         try:
-            rings = [[(float(p[0]), float(p[1])) for p in ring] for ring in coordinates]
+            rings = [[_vertex(place) for place in ring] for ring in coordinates]
         except (TypeError, ValueError, IndexError, KeyError) as error:
             raise ReadingError(
                 (f"feature {number}", "its coordinates are no lists of two numbers")
             ) from error
-        shape = _shape(number, name, kind, [_geographic(number, ring, project) for ring in rings])
+        shape = _shape(number, name, kind, rings, project)
         _take_words(shape, words)
         yield shape
+
+
+def _vertex(place: Any) -> _Vertex:  # noqa: ANN401 - any JSON
+    return float(place[0]), float(place[1]), float(place[2]) if len(place) > 2 else None
 
 
 def _geometries(number: int, geometry: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - any JSON
@@ -150,8 +149,9 @@ def _geometries(number: int, geometry: Any) -> Iterator[tuple[str, Any]]:  # noq
 
 
 def _geographic(
-    number: int, ring: list[tuple[float, float]], project: Project | None
+    number: int, vertices: list[_Vertex], project: Project | None
 ) -> list[LatitudeLongitude]:
+    ring = [(x, y) for x, y, _ in vertices]
     if project is not None:
         return project(ring)
     for x, y in ring:
@@ -166,11 +166,20 @@ def _geographic(
     return [(y, x) for x, y in ring]
 
 
-def _shape(number: int, name: str, kind: str, rings: list[list[LatitudeLongitude]]) -> Shape:
+def _shape(
+    number: int,
+    name: str,
+    kind: str,
+    vertices: list[list[_Vertex]],
+    project: Project | None = None,
+) -> Shape:
     """Return a feature whose rings are closed, but do not repeat their first corner."""
     place = f"feature {number}"
-    if not rings or not rings[0]:
+    if not vertices or not vertices[0]:
         raise ReadingError((place, "has no coordinates"))
+    rings = [_geographic(number, ring, project) for ring in vertices]
+    heights = [[z for _, _, z in ring] for ring in vertices]
+    are_closed = all(ring[0] == ring[-1] for ring in rings)
     if kind == "polygon":
         rings = [ring[:-1] if len(ring) > 1 and ring[0] == ring[-1] else ring for ring in rings]
         for ring in rings:
@@ -182,7 +191,9 @@ def _shape(number: int, name: str, kind: str, rings: list[list[LatitudeLongitude
         turns = [abs(a[1] - b[1]) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
         if max(turns) > _LONGEST_TURN_DEG:
             raise ReadingError((place, "crosses the antimeridian (longitude 180); cut it there"))
-    return Shape(number, name[:60], _simple(kind), rings)
+    shape = Shape(number, name[:60], _simple(kind), rings)
+    shape.are_closed, shape.heights_m = are_closed, [] if kind == "polygon" else heights[0]
+    return shape
 
 
 def _simple(kind: str) -> Any:  # noqa: ANN401 - a literal that the callers write
@@ -197,6 +208,7 @@ def _take_words(shape: Shape, words: Mapping[str, Any]) -> None:
         shape.role = said
     if said in _PLACE_KINDS:
         shape.place_kind = said
+    shape.words = words
     depth = words.get("depth_m")
     if isinstance(depth, int | float) and math.isfinite(depth) and 0.0 <= depth <= 12_000.0:
         shape.depth_m = float(depth)
@@ -208,7 +220,7 @@ def read_kml(path: Path) -> Reading:
     Raises:
         ReadingError: With the placemark at fault.
     """
-    return _kml(_bytes(path), "KML")
+    return kml_shapes(file_bytes(path), "KML")
 
 
 def read_kmz(path: Path) -> Reading:
@@ -217,80 +229,78 @@ def read_kmz(path: Path) -> Reading:
     Raises:
         ReadingError: With the entry or placemark at fault.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            _check_archive(entries)
-            documents = [e for e in entries if e.filename.lower().endswith(".kml")]
-            if not documents:
-                raise ReadingError(("", "the archive holds no KML document"))
-            first = min(documents, key=lambda e: (e.filename.count("/"), e.filename != "doc.kml"))
-            with archive.open(first) as file:
-                content = file.read(BYTES_MAX + 1)  # whatever the directory says
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
-        raise ReadingError(("", f"no KMZ archive: {error}")) from error
-    if len(content) > BYTES_MAX:
-        raise ReadingError((first.filename, f"unpacks to more than {BYTES_MAX >> 20} MB"))
-    return _kml(content, "KMZ")
+    return kml_shapes(kmz_document(path), "KMZ")
 
 
-def _check_archive(entries: Sequence[zipfile.ZipInfo]) -> None:
-    if len(entries) > KMZ_ENTRIES_MAX:
-        raise ReadingError(
-            ("", f"{len(entries)} entries are more than the {KMZ_ENTRIES_MAX} taken")
-        )
-    if sum(entry.file_size for entry in entries) > BYTES_MAX:
-        raise ReadingError(("", f"the archive unpacks to more than {BYTES_MAX >> 20} MB"))
-    for entry in entries:
-        if entry.file_size > KMZ_RATIO_MAX * max(entry.compress_size, 1024):
-            raise ReadingError(
-                (entry.filename, f"unpacks to more than {KMZ_RATIO_MAX} times its size")
-            )
+def kml_shapes(content: bytes, form: str, *, leaves_active: bool = False) -> Reading:
+    """Return the shapes of a KML document.
 
+    Args:
+        content: The document.
+        form: What to call its format.
+        leaves_active: Whether what loads or runs something else is left out with a warning,
+            instead of refused.
 
-def _kml(content: bytes, form: str) -> Reading:
-    root = _xml(content)
-    if _tag(root) != "kml":
-        raise ReadingError(("", f"the file is no KML: its root is <{_tag(root)}>"))
+    Raises:
+        ReadingError: With the placemark at fault.
+    """
+    document = xml_document(content)
+    if tag(document.root) != "kml":
+        raise ReadingError(("", f"the file is no KML: its root is <{tag(document.root)}>"))
     shapes: list[Shape] = []
-    warnings: list[str] = []
     number = 0
     skipped: dict[str, int] = {}
-    for element in root.iter():
-        tag = _tag(element)
-        if tag in ("NetworkLink", "NetworkLinkControl", "Script"):
-            raise ReadingError((f"<{tag}>", "loads or runs something else; take it out"))
-        if tag in ("GroundOverlay", "ScreenOverlay", "PhotoOverlay"):
-            skipped[tag] = skipped.get(tag, 0) + 1
-        if tag == "Placemark":
+    for element in document.root.iter():
+        name = tag(element)
+        if name in _LOADS and not leaves_active:
+            raise ReadingError((f"<{name}>", "loads or runs something else; take it out"))
+        if name in _LOADS + _PICTURES:
+            skipped[name] = skipped.get(name, 0) + 1
+        if name == "Placemark":
             number += 1
             if number > FEATURES_MAX:
                 raise ReadingError(("", f"more than the {FEATURES_MAX} placemarks taken"))
-            shapes += _placemark(number, element)
-    warnings += [
-        f"{count} {tag} left out: only shapes are taken." for tag, count in skipped.items()
+            if leaves_active and _disarm(element):
+                skipped["active text"] = skipped.get("active text", 0) + 1
+            shapes += _placemark(number, element, document)
+    warnings = [
+        f"{count} {name} left out: only shapes are taken." for name, count in skipped.items()
     ]
     return Reading(form, shapes=shapes, warnings=warnings)
 
 
-def _placemark(number: int, placemark: Element) -> Iterator[Shape]:
+def _disarm(placemark: Element) -> bool:
+    """Take active content out of a placemark's texts; tell whether there was any."""
+    found = False
+    for child in placemark.iter():
+        if any(word in (child.text or "").lower() for word in _ACTIVE):
+            child.text, found = "", True
+        for key, text in child.attrib.items():
+            if any(word in text.lower() for word in _ACTIVE):
+                child.attrib[key], found = "", True
+    return found
+
+
+def _placemark(number: int, placemark: Element, document: XmlDocument) -> Iterator[Shape]:
     name = ""
     words: dict[str, Any] = {}
     for child in placemark.iter():
         for text in (child.text or "", *child.attrib.values()):
             _refuse_active(f"feature {number}", text)
-        if _tag(child) == "name" and not name:
+        if tag(child) == "name" and not name:
             name = (child.text or "").strip()
-        if _tag(child) == "Data":
+        if tag(child) == "Data":
             words[child.get("name") or ""] = "".join(child.itertext()).strip()
     for element in placemark.iter():
-        rings: list[list[tuple[float, float]]] = []
-        match _tag(element):
+        rings: list[list[_Vertex]] = []
+        match tag(element):
             case "Polygon":
                 outer = _boundaries(number, element, "outerBoundaryIs")
                 rings = [*outer[:1], *_boundaries(number, element, "innerBoundaryIs")]
                 if not outer:
-                    raise ReadingError((f"feature {number}", "a polygon has no outer boundary"))
+                    line = document.lines[element]
+                    reason = f"a polygon has no outer boundary of a LinearRing (line {line})"
+                    raise ReadingError((f"feature {number}", reason))
                 kind = "polygon"
             case "LineString":
                 rings, kind = [_kml_coordinates(number, element)], "line"
@@ -298,23 +308,26 @@ def _placemark(number: int, placemark: Element) -> Iterator[Shape]:
                 rings, kind = [_kml_coordinates(number, element)], "point"
             case _:
                 continue
-        shape = _shape(number, name, kind, [_geographic(number, ring, None) for ring in rings])
+        shape = _shape(number, name, kind, rings)
         _take_words(shape, words)
+        shape.altitude_mode = next(
+            ((e.text or "").strip() for e in element if tag(e) == "altitudeMode"), ""
+        )
         yield shape
 
 
-def _boundaries(number: int, polygon: Element, which: str) -> list[list[tuple[float, float]]]:
-    found = [child for child in polygon if _tag(child) == which]
-    rings = [each for one in found for each in one.iter() if _tag(each) == "LinearRing"]
+def _boundaries(number: int, polygon: Element, which: str) -> list[list[_Vertex]]:
+    found = [child for child in polygon if tag(child) == which]
+    rings = [each for one in found for each in one.iter() if tag(each) == "LinearRing"]
     return [_kml_coordinates(number, ring) for ring in rings]
 
 
-def _kml_coordinates(number: int, element: Element) -> list[tuple[float, float]]:
-    text = next((e.text or "" for e in element.iter() if _tag(e) == "coordinates"), "")
+def _kml_coordinates(number: int, element: Element) -> list[_Vertex]:
+    text = next((e.text or "" for e in element.iter() if tag(e) == "coordinates"), "")
     try:
-        places = [tuple(map(float, part.split(",")[:2])) for part in text.split()]
-        return [(x, y) for x, y in places]
-    except ValueError as error:
+        places = [tuple(map(float, part.split(",")[:3])) for part in text.split()]
+        return [(at[0], at[1], at[2] if len(at) > 2 else None) for at in places]
+    except (ValueError, IndexError) as error:
         raise ReadingError(
             (f"feature {number}", f"its coordinates are no numbers: {text.strip()[:40]!r}")
         ) from error
@@ -326,30 +339,30 @@ def read_gpx(path: Path) -> Reading:
     Raises:
         ReadingError: With the feature at fault.
     """
-    root = _xml(_bytes(path))
-    if _tag(root) != "gpx":
-        raise ReadingError(("", f"the file is no GPX: its root is <{_tag(root)}>"))
+    root = xml_document(file_bytes(path)).root
+    if tag(root) != "gpx":
+        raise ReadingError(("", f"the file is no GPX: its root is <{tag(root)}>"))
     shapes: list[Shape] = []
     warnings: list[str] = []
-    for number, element in enumerate((e for e in root if _tag(e) in ("wpt", "rte", "trk")), 1):
+    for number, element in enumerate((e for e in root if tag(e) in ("wpt", "rte", "trk")), 1):
         if number > FEATURES_MAX:
             raise ReadingError(("", f"more than the {FEATURES_MAX} features taken"))
-        name = next(((e.text or "").strip() for e in element if _tag(e) == "name"), "")
+        name = next(((e.text or "").strip() for e in element if tag(e) == "name"), "")
         for each in element.iter():
             _refuse_active(f"feature {number}", each.text or "")
-        points = [element] if _tag(element) == "wpt" else []
-        points += [e for e in element.iter() if _tag(e) in ("rtept", "trkpt")]
+        points = [element] if tag(element) == "wpt" else []
+        points += [e for e in element.iter() if tag(e) in ("rtept", "trkpt")]
         try:
             ring = [(float(e.attrib["lon"]), float(e.attrib["lat"])) for e in points]
         except (KeyError, ValueError) as error:
             raise ReadingError((f"feature {number}", "a point has no lat and lon")) from error
         if not ring:
             raise ReadingError((f"feature {number}", "has no points"))
-        kind = "point" if _tag(element) == "wpt" else _closed(ring)
+        kind = "point" if tag(element) == "wpt" else _closed(ring)
         if kind == "line":
             warnings.append(f"feature {number} is a way that does not close; it is left out.")
-        shape = _shape(number, name, kind, [_geographic(number, ring, None)])
-        _take_words(shape, {"kind": next((e.text for e in element if _tag(e) == "type"), "")})
+        shape = _shape(number, name, kind, [[(*at, None) for at in ring]])
+        _take_words(shape, {"kind": next((e.text for e in element if tag(e) == "type"), "")})
         shapes.append(shape)
     return Reading("GPX", shapes=shapes, warnings=warnings)
 
@@ -358,36 +371,6 @@ def _closed(ring: list[tuple[float, float]]) -> str:
     steps = [math.dist(a, b) for a, b in itertools.pairwise(ring)]
     is_closed = len(set(ring)) > 2 and math.dist(ring[0], ring[-1]) <= _CLOSED_SHARE * sum(steps)
     return "polygon" if is_closed else "line"
-
-
-def _bytes(path: Path) -> bytes:
-    size = path.stat().st_size
-    if size > BYTES_MAX:
-        raise ReadingError(("", f"{size / 2**20:.0f} MB are more than the {BYTES_MAX >> 20} taken"))
-    if size == 0:
-        raise ReadingError(("", "the file is empty"))
-    return path.read_bytes()
-
-
-def _xml(content: bytes) -> Element:
-    from defusedxml import DefusedXmlException
-    from defusedxml.ElementTree import parse
-
-    try:
-        root = parse(io.BytesIO(content), forbid_dtd=True).getroot()
-    except ParseError as error:
-        raise ReadingError((f"line {error.position[0]}", f"no XML: {error}")) from error
-    except DefusedXmlException as error:
-        raise ReadingError(("", "the file declares entities or a document type")) from error
-    except (ValueError, LookupError) as error:
-        raise ReadingError(("", f"no XML: {error}")) from error
-    if root is None:
-        raise ReadingError(("", "the file is empty"))
-    return root
-
-
-def _tag(element: Element) -> str:
-    return str(element.tag).rpartition("}")[2]
 
 
 def _refuse_active(place: str, text: str) -> None:

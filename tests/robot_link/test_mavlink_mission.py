@@ -231,10 +231,16 @@ def test_return_to_launch_comes_up_and_swims_back():
             grace.MAV_MISSION_INVALID_PARAM2,
             "no speed",
         ),
+        (StandardItem(16, 6, 10, 0, 0.0), grace.MAV_MISSION_INVALID, "out of the wire's range"),
         (
             StandardItem(16, 6, 0, 0, 0.0),
-            grace.MAV_MISSION_INVALID,
-            "out of the wire's range",
+            grace.MAV_MISSION_INVALID_PARAM5_X,
+            "latitude 0, longitude 0 stands for no place",
+        ),
+        (
+            StandardItem(16, 10, 430_000_000, -840_000_000, 10.0),
+            grace.MAV_MISSION_UNSUPPORTED_FRAME,
+            "above the floor cannot be planned",
         ),
     ],
 )
