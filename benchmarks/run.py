@@ -27,6 +27,8 @@ AREAS = {
     "estimation_hidden": "benchmarks.estimation.estimation_hidden",
     "identification": "benchmarks.estimation.identification",
     "identification_coverage": "benchmarks.estimation.identification_coverage",
+    "lost_hours": "benchmarks.estimation.lost_hours",
+    "energy_use": "benchmarks.estimation.energy_use",
     "field": "benchmarks.field.field",
     "field_speed": "benchmarks.field.field_speed",
     "field_learning": "benchmarks.field.field_learning",

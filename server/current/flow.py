@@ -10,6 +10,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.model import CurrentMap
+from autonomy.estimation.prediction import ellipse_90
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
 from server.current.view import FlowArrowView
@@ -19,8 +20,6 @@ ACROSS = 14
 _DEPTHS = 4
 _TOLD = 0.8
 """A standard deviation beyond this part of the prior's tells nothing."""
-RADIUS_90 = math.sqrt(-2.0 * math.log(0.1))
-"""Radius of the circle that holds 90 of 100 draws of a plane normal vector, in deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,20 +49,6 @@ def flow_grid(known: CurrentMap, site: Site, time_s: float) -> FlowGrid:
     depths = (np.arange(_DEPTHS) + 0.5) * box.depth_max_m / _DEPTHS
     flow = known.flow_over_depth(places, depths, time_s)
     return FlowGrid(places, flow.mean_ne_m_s, flow.cov_m2_s2, spacing, known.prior_std_m_s())
-
-
-def ellipse_90(covariance: FloatArray) -> tuple[tuple[float, float], float]:
-    """Return the ellipse that holds 90 of 100 draws about the mean.
-
-    Args:
-        covariance: Of north and east, shape ``(2, 2)``.
-
-    Returns:
-        Half axes, the longer one first, and its direction from north towards east, rad.
-    """
-    values, vectors = np.linalg.eigh(covariance)
-    minor, major = (RADIUS_90 * np.sqrt(np.maximum(values, 0.0))).tolist()
-    return (major, minor), math.atan2(float(vectors[1, 1]), float(vectors[0, 1]))
 
 
 def arrows(grid: FlowGrid) -> list[FlowArrowView]:

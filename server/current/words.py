@@ -10,7 +10,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.current.model import FEWEST, CurrentMap, Observation
 from autonomy.current.table import FlowRecord
-from server.current.flow import RADIUS_90
+from autonomy.estimation.prediction import CHI_SQUARED_90
 from server.current.record import Verdict
 from server.current.told import told_text
 from server.current.water_current import JUDGED, WaterCurrent
@@ -142,7 +142,7 @@ def _reach_m(found: WaterCurrent, now_s: float) -> float:
     noise_m2 = dive.walk_std_m**2 + dive.fix_std_m**2
     times_s = dive.time_s - dive.time_s[0] + now_s
     cov_m2 = found.known.displacement(times_s, dive.position_ned, noise_m2).cov_m2
-    return RADIUS_90 * math.sqrt(max(float(np.trace(cov_m2)) / 2.0, 0.0))
+    return math.sqrt(CHI_SQUARED_90 * max(float(np.trace(cov_m2)) / 2.0, 0.0))
 
 
 def _age(age_s: float) -> str:

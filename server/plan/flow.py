@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from autonomy.current.model import CurrentMap, tabulate
+from autonomy.estimation.prediction import ellipse_90
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 from server.base.foundation import Foundation
 from server.current.currents import Currents
-from server.current.flow import ellipse_90
 from server.current.words import tellers
 
 _LONGER = 1.5
