@@ -23,6 +23,7 @@ from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
 from robot_link.channel_table import ChannelTable, TableRow
+from robot_link.drive import CENTRE, DriveReport, Stick
 from robot_link.messages import (
     CommandKind,
     OnboardPlanState,
@@ -202,6 +203,40 @@ class OnboardProgram:
         if kind is CommandKind.START and (self.estimate.readings.battery_fraction < RESERVE):
             return CommandOutcome.NOT_NOW
         return self.executive.obey(kind, plan_digits)
+
+    def begin_drive(self) -> CommandOutcome:
+        """Let somebody drive the robot by hand: not while a mission runs, nor on the reserve."""
+        if self.estimate.readings.battery_fraction < RESERVE:
+            return CommandOutcome.NOT_NOW
+        is_driven = self.executive.begin_drive(self.estimate)
+        return CommandOutcome.DONE if is_driven else CommandOutcome.NOT_NOW
+
+    def end_drive(self) -> None:
+        """Let nobody drive it any more."""
+        self.executive.end_drive()
+
+    def steer(self, stick: Stick) -> None:
+        """Take where the pilot's stick is; nothing where nobody drives."""
+        if (driven := self.executive.driven) is not None:
+            driven.hear(stick)
+
+    def drive_report(self, sequence: int) -> DriveReport:
+        """Return what becomes of the newest stick; ``received_at`` is the receiver's to fill.
+
+        Args:
+            sequence: Number of the frame that brought it.
+        """
+        driven = self.executive.driven
+        return DriveReport(
+            robot=self._robot,
+            measured_at=self.now,
+            received_at=self.now,
+            sequence=sequence,
+            acts_on=CENTRE if driven is None else driven.acts_on,
+            is_driven=driven is not None,
+            is_silent=driven is not None and driven.is_silent,
+            is_kept_off=driven is not None and driven.is_kept_off,
+        )
 
     def hear_range(self, range_m: float | None, age_s: float) -> None:
         """Take a slant range of the target from outside, or None for a ping without an answer.

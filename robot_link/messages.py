@@ -53,6 +53,8 @@ class RobotMode(IntEnum):
     """Following a target of which it measures the range."""
     SEARCHING = 10
     """Circling to find a target that it lost."""
+    DRIVEN = 11
+    """Driven by hand; without a stick it stops and comes up."""
 
 
 class OnboardPlanState(IntEnum):

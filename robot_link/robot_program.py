@@ -3,6 +3,7 @@
 from enum import StrEnum
 from typing import Protocol
 
+from robot_link.drive import DriveReport, Stick
 from robot_link.messages import CommandKind
 from robot_link.mission import Mission
 
@@ -30,4 +31,20 @@ class RobotProgram(Protocol):
 
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         """Act on a command; ``plan_digits`` are the first 12 digits of START's plan, else ""."""
+        ...
+
+    def begin_drive(self) -> CommandOutcome:
+        """Let somebody drive the robot by hand; again while that lasts changes nothing."""
+        ...
+
+    def end_drive(self) -> None:
+        """Let nobody drive it any more."""
+        ...
+
+    def steer(self, stick: Stick) -> None:
+        """Take where the pilot's stick is; nothing where nobody drives."""
+        ...
+
+    def drive_report(self, sequence: int) -> DriveReport:
+        """Return what becomes of the newest stick, which came in the frame of this number."""
         ...

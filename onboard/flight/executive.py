@@ -8,9 +8,11 @@ from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.controller import Controller
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg, PrimitiveKind
+from autonomy.vehicle.battery import RESERVE
 from onboard.flight.account import EnergyAccount
 from onboard.flight.actuator_watch import STUCK_S, ActuatorWatch
 from onboard.flight.course import dive_ends, is_surface
+from onboard.flight.drive import Driven
 from onboard.flight.gentle import gait_for
 from onboard.flight.hardware import Readings, SetPoints
 from onboard.flight.leg import begin_leg, first_course, upstream
@@ -71,6 +73,8 @@ class Stage(Enum):
     """On the way to the surface, where the next dive begins."""
     ABORT = auto()
     """Coming up for good."""
+    DRIVEN = auto()
+    """Driven by hand, or coming up after that."""
 
 
 _BEFORE_A_DIVE = (Stage.APPROACH, Stage.TURN, Stage.SURFACED)
@@ -186,6 +190,7 @@ class Executive:
             case CommandKind.SURFACE:
                 if running:
                     self._abort(SURFACED_BY_COMMAND)
+                self.end_drive()
                 return CommandOutcome.DONE
             case CommandKind.HOLD | CommandKind.RESUME:
                 if not running:
@@ -199,6 +204,23 @@ class Executive:
                 return self._start(plan_digits)
             case CommandKind.ARM | CommandKind.DISARM:
                 return CommandOutcome.UNSUPPORTED
+
+    def begin_drive(self, estimate: Estimate) -> bool:
+        """Let somebody drive the robot by hand; tell whether that is possible now."""
+        if self._stage is Stage.IDLE and not self._stuck_text():
+            self._flight.pilot.reset()
+            self._enter(Stage.DRIVEN, Driven(self._flight, estimate, self._period_s))
+        return self.driven is not None
+
+    def end_drive(self) -> None:
+        """Let nobody drive it any more; it comes up. Nothing happens where nobody does."""
+        if self.driven is not None:
+            self._enter(Stage.DRIVEN, Rise(self._flight))
+
+    @property
+    def driven(self) -> Driven | None:
+        """The drive by hand under way."""
+        return self._maneuver if isinstance(self._maneuver, Driven) else None
 
     def step(
         self,
@@ -218,6 +240,8 @@ class Executive:
         """
         self._flight.pilot.begin_step()
         self._mind_actuators(estimate)
+        if estimate.readings.battery_fraction < RESERVE:
+            self.end_drive()
         is_surfaced = self._flight.is_surfaced(estimate)
         self._surfaced_s = self._surfaced_s + dt_s if is_surfaced else 0.0
         if self.plan_state is OnboardPlanState.RUNNING:
@@ -381,6 +405,12 @@ class Executive:
             case Stage.ABORT:
                 if self._maneuver.is_done(estimate):
                     self._end_mission(OnboardPlanState.FAILED, self._abort_reason)
+            case Stage.DRIVEN:
+                if self._maneuver.is_done(estimate):
+                    is_up = self._flight.is_surfaced(estimate)
+                    self.end_drive()
+                    if is_up:
+                        self._enter(Stage.IDLE, Float(self._flight, RobotMode.IDLE))
 
     def _begin_dive(self, estimate: Estimate) -> None:
         """Prepare the dive that the next leg begins, or the pursuit, or end the mission."""

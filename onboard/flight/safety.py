@@ -43,10 +43,14 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     profile = flight.profile
     if depth > float(flight.site.floor_m(north, east)) - profile.floor_margin_m:
         return "the floor is near"
-    kept_m = max(profile.shore_margin_m, _DOUBT_STDS * estimate.position_std_m)
-    if flight.site.clearance_m(north, east) < kept_m:
+    if flight.site.clearance_m(north, east) < kept_from_walls_m(flight, estimate):
         return "a wall or the shore is near"
     return ""
+
+
+def kept_from_walls_m(flight: Flight, estimate: Estimate) -> float:
+    """Return how far the robot keeps from walls and shore, as sure as it is of its position."""
+    return max(flight.profile.shore_margin_m, _DOUBT_STDS * estimate.position_std_m)
 
 
 def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:

@@ -11,6 +11,7 @@ from itertools import islice
 
 from onboard.link.channel_announcer import ChannelAnnouncer
 from onboard.link.command_desk import CommandDesk, CommandMemory
+from onboard.link.drive_desk import DriveDesk, driver_of
 from onboard.link.newest_sender import NewestSender
 from onboard.link.plan_desk import PlanDesk, PlanOnBoard
 from onboard.link.plan_store import PlanStore
@@ -28,6 +29,7 @@ from robot_link.mavlink.command import (
     received_command,
     result_of,
 )
+from robot_link.mavlink.drive import DRIVE_FRAME_BYTES
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
@@ -134,6 +136,8 @@ class RobotLink:
         self._actuators = self._newest_sender(actuator.ACTUATOR_FRAME_BYTES)
         self._receivers = self._newest_sender(detection.RECEIVER_FRAME_BYTES)
         self._health = self._newest_sender(several.HEALTH_FRAME_BYTES)
+        self._driven = self._newest_sender(DRIVE_FRAME_BYTES)
+        self._drive = DriveDesk(system, program, self._driven)
         self.channels = ChannelAnnouncer(
             log,
             clock,
@@ -150,6 +154,7 @@ class RobotLink:
             clock,
             program,
             self._plan,
+            self._drive,
             parameters=self.parameters,
             files=self.files,
             rules=waypoints,
@@ -218,6 +223,7 @@ class RobotLink:
                 ("actuators", self._actuators.run()),
                 ("receivers", self._receivers.run()),
                 ("health", self._health.run()),
+                ("answers to the stick", self._driven.run()),
                 ("channels", self.channels.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
@@ -389,6 +395,11 @@ class RobotLink:
                 self._samples.stored(LogId(message.log), sequences)
             case grace.MAVLink_heartbeat_message() if is_station:
                 return
+            case grace.MAVLink_manual_control_message():
+                try:
+                    self._drive.hear(message, driver_of(message, address))
+                except ValueError:
+                    self.frames_bad += 1
             case _:
                 self._services.hear(message, address)
 

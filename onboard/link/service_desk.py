@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from onboard.link.drive_desk import DRIVE, DriveDesk
 from onboard.link.file_server import FileServer
 from onboard.link.mission_server import Asker, MissionServer, MissionVerdict
 from onboard.link.parameter_server import ParameterServer
@@ -75,6 +76,7 @@ class ServiceDesk:
         clock: The robot's clock.
         program: What flies the robot.
         plan: Its plan on board.
+        drive: Who drives it by hand.
         parameters: Its parameters.
         files: Its files.
         rules: How it flies waypoints; without, other makers' ground stations are not served.
@@ -91,6 +93,7 @@ class ServiceDesk:
         clock: Clock,
         program: RobotProgram,
         plan: PlanDesk,
+        drive: DriveDesk,
         *,
         parameters: ParameterTable,
         files: FileStore,
@@ -105,6 +108,7 @@ class ServiceDesk:
         self._clock = clock
         self._program = program
         self._plan = plan
+        self._drive = drive
         self._parameters = parameters
         self._files = files
         self._rules = rules
@@ -278,6 +282,10 @@ class ServiceDesk:
             case grace.MAV_CMD_DO_PAUSE_CONTINUE:
                 kind = CommandKind.RESUME if message.param1 else CommandKind.HOLD
                 result = self._obey(one, kind)
+            case command if command == DRIVE:
+                driver = (one.system, one.asker.component, one.address)
+                refusal = self._write_refusal(one.asker)
+                result = self._drive.command(message.param1, driver, refusal)
             case _:
                 result = grace.MAV_RESULT_UNSUPPORTED
         self._acknowledge(one, message.command, result)

@@ -16,11 +16,13 @@ GROUND_STATIONS: Final = frozenset((grace.MAV_TYPE_GCS, grace.MAV_TYPE_ONBOARD_C
 
 
 def robot_heartbeat(mode: RobotMode) -> grace.MAVLink_heartbeat_message:
-    """Return what a robot says of its presence."""
+    """Return what a robot says of its presence; armed is one that is driven by hand."""
+    driven = grace.MAV_MODE_FLAG_SAFETY_ARMED | grace.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
     return grace.MAVLink_heartbeat_message(
         type=grace.MAV_TYPE_SUBMARINE,
         autopilot=grace.MAV_AUTOPILOT_GENERIC,
-        base_mode=grace.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+        base_mode=grace.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        | (driven if mode is RobotMode.DRIVEN else 0),
         custom_mode=int(mode),
         system_status=grace.MAV_STATE_ACTIVE,
         mavlink_version=3,

@@ -29,6 +29,7 @@ from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
 from robot_link.station.command_lane import Command, CommandLane
+from robot_link.station.drive_client import DriveClient
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.path import RadioPath, RobotEndpoint
 from robot_link.station.peer import Peer
@@ -380,6 +381,17 @@ class StationLink:
         member = self._roster[robot]
         member.services.check_live()
         return await read_back(member.services.missions, member.foreign(), report)
+
+    def drive(self, robot: RobotId) -> DriveClient:
+        """Return what drives a robot by hand.
+
+        Raises:
+            ServiceError: If it is not in radio contact.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return services.drive
 
     def services(self, robot: RobotId) -> RobotServices:
         """Return the clients of a robot: standard missions and commands for other makers' ones.

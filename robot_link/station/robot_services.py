@@ -12,6 +12,7 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState, SystemId
 from robot_link.service.clock_sync import ClockWatch
 from robot_link.station.command_client import CommandClient, StandardCommand
+from robot_link.station.drive_client import DriveClient
 from robot_link.station.error import NoAnswerError, OutOfContactError
 from robot_link.station.exchange import Patience
 from robot_link.station.file_client import FileClient
@@ -57,6 +58,7 @@ _HEARERS: Final[Mapping[int, tuple[str, ...]]] = MappingProxyType(
         grace.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: ("files",),
         grace.MAVLINK_MSG_ID_TIMESYNC: ("clock",),
         grace.MAVLINK_MSG_ID_GRACE_CHANNELS: ("tables",),
+        grace.MAVLINK_MSG_ID_GRACE_DRIVE: ("drive",),
         grace.MAVLINK_MSG_ID_MISSION_ACK: ("missions",),
         grace.MAVLINK_MSG_ID_MISSION_COUNT: ("missions",),
         grace.MAVLINK_MSG_ID_MISSION_ITEM_INT: ("missions",),
@@ -70,7 +72,7 @@ _HEARERS: Final[Mapping[int, tuple[str, ...]]] = MappingProxyType(
 class RobotServices:
     """Parameters, files, missions, commands and clock of one robot; on one event loop."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, *, is_standard: bool) -> None:
         patience = Patience(answer_s=peer.timing.answer_s)
         self._peer = peer
         self._telemetry_s = -math.inf
@@ -80,7 +82,9 @@ class RobotServices:
         self.missions = MissionClient(peer, patience=patience)
         """Standard missions, for vehicles of other makers."""
         self.commands = CommandClient(peer, patience=patience)
-        """Standard commands, for vehicles of other makers."""
+        """Standard commands: orders to vehicles of other makers, and driving by hand."""
+        self.drive = DriveClient(peer, self.commands, has_throttle=is_standard)
+        """Driving by hand."""
         self.clock = ClockWatch(peer, peer.clock, patience=patience)
         self.metadata = MetadataClient(peer, self.files, patience=patience)
         """What a vehicle says of its own parameters."""
@@ -93,6 +97,7 @@ class RobotServices:
             "files": self.files,
             "missions": self.missions,
             "commands": self.commands,
+            "drive": self.drive,
             "clock": self.clock,
         }
 

@@ -39,7 +39,7 @@ class Member:
         self.signing = signing
         self.vehicle = vehicle
         """Puts together what a vehicle of another maker says."""
-        self.services = RobotServices(peer)
+        self.services = RobotServices(peer, is_standard=vehicle is not None)
         self.upload: Upload | None = None
         """The upload under way."""
 

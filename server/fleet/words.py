@@ -81,6 +81,8 @@ def _motion(state: StateReport) -> str:
             return "Following its target"
         case RobotMode.SEARCHING:
             return "Searching for its target"
+        case RobotMode.DRIVEN:
+            return "Driven by hand"
 
 
 _LEVELS = ("critical", "critical", "critical", "warning", "watch")

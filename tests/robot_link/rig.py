@@ -14,6 +14,7 @@ from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import CommandOutcome, RobotLink
 from robot_link.clock import Clock, SystemClock
+from robot_link.drive import CENTRE, DriveReport, Stick
 from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
     CommandKind,
@@ -69,6 +70,8 @@ class Program:
     outcome: CommandOutcome = CommandOutcome.DONE
     obeyed: list[tuple[CommandKind, str]] = field(default_factory=list)
     taken: list[Mission] = field(default_factory=list)
+    sticks: list[Stick] = field(default_factory=list)
+    is_driven: bool = False
 
     def plan_refusal(self) -> str:
         return self.refusal
@@ -79,6 +82,21 @@ class Program:
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         self.obeyed.append((kind, plan_digits))
         return self.outcome
+
+    def begin_drive(self) -> CommandOutcome:
+        self.is_driven = self.outcome is CommandOutcome.DONE
+        return self.outcome
+
+    def end_drive(self) -> None:
+        self.is_driven = False
+
+    def steer(self, stick: Stick) -> None:
+        self.sticks.append(stick)
+
+    def drive_report(self, sequence: int) -> DriveReport:
+        acts_on = self.sticks[-1] if self.sticks and self.is_driven else CENTRE
+        at = SystemClock().now()
+        return DriveReport(MINI, at, at, sequence, acts_on, self.is_driven, False, False)
 
 
 @dataclass
