@@ -15,6 +15,7 @@ from server.command import install as command
 from server.current import install as current
 from server.demo import install as demo
 from server.deployment import install as deployment
+from server.drive import install as drive
 from server.fleet import install as fleet
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
@@ -46,6 +47,7 @@ CAPABILITIES = (
     link,
     satellite,
     command,
+    drive,
     current,
     maps,
     tag,
@@ -95,10 +97,8 @@ class Station:
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
-        command.install(foundation)
-        current.install(foundation)
-        maps.install(foundation)
-        tag.install(foundation)
+        for later in (command, drive, current, maps, tag):
+            later.install(foundation)
         plan.install(foundation)
         transfer.install(foundation)
         target.install(foundation)

@@ -52,6 +52,10 @@ async def _websocket_viewer(websocket: WebSocket, guard: GuardDep) -> Caller:
     return await guard.websocket_caller(websocket)
 
 
+async def _websocket_pilot(websocket: WebSocket, guard: GuardDep) -> Caller:
+    return await guard.websocket_caller(websocket, Right.PILOT)
+
+
 Viewer = Annotated[Caller, Depends(_viewer)]
 """Who asks; may look."""
 Pilot = Annotated[Caller, Depends(_pilot)]
@@ -60,6 +64,8 @@ Admin = Annotated[Caller, Depends(_admin)]
 """Who asks; may change people, tokens and robots."""
 WebSocketViewer = Annotated[Caller, Depends(_websocket_viewer)]
 """Who opens the WebSocket; refused before it is accepted."""
+WebSocketPilot = Annotated[Caller, Depends(_websocket_pilot)]
+"""Who opens a WebSocket that moves robots; refused before it is accepted."""
 
 
 _RIGHTS: Mapping[object, Right] = MappingProxyType(

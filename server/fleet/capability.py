@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Final
 
+from robot_link.messages import LinkState, RobotMode
 from server.base.problem import conflict
 from server.base.view import View, one_of
 from server.fleet.status import RobotStatus
@@ -26,6 +27,7 @@ KEYS: Final[tuple[str, ...]] = (
     "start",
     "ping",
     "arm",
+    "drive",
     "logs",
     "parameters",
 )
@@ -95,3 +97,76 @@ def refuse_unless_able(status: RobotStatus, key: str) -> None:
     """
     if reason := reason_against(status, key):
         raise conflict(reason)
+
+
+SPEED_MAX: Final = 4.0
+"""How fast the clock of simulated robots may be for a person to drive one."""
+_STEERED: Final = ("MANUAL", "STABILIZE", "ALT_HOLD", "ACRO", "POSHOLD", "ALTCTL", "POSCTL")
+"""Modes in which other makers' vehicles act on a stick."""
+_NO_CONTACT: Final[Mapping[LinkState, str]] = MappingProxyType(
+    {
+        LinkState.SUBMERGED: "{robot} is under water, where no radio reaches it; it can be driven"
+        " once it is up.",
+        LinkState.NEVER_HEARD: "{robot} was never heard by radio.",
+        LinkState.STALE: "{robot} does not answer by radio.",
+        LinkState.MUTE: "The station's radio does not answer.",
+        LinkState.PORT_CLOSED: "The port of the radio to {robot} is closed.",
+        LinkState.DISABLED: "The radio to {robot} is unplugged.",
+    }
+)
+
+
+def drive_refusal(status: RobotStatus, speed: float) -> str:
+    """Return why nobody can begin to drive a robot by hand now, "" if somebody can.
+
+    Driving takes a dialogue ten times a second: a radio that reaches the robot now. By satellite a
+    word takes minutes, so nothing of it ever goes there.
+
+    Args:
+        status: What is known of it.
+        speed: Seconds of the robots' clock per second of the wall.
+    """
+    robot = status.record.id
+    if reason := reason_against(status, "drive"):
+        return reason
+    if status.is_retired:
+        return f"{robot} is retired; nobody drives it until it is brought back."
+    if status.known_links.radio is None:
+        return f"{robot} has no radio: a stick's word by satellite would be minutes old."
+    if status.radio_state is not LinkState.LIVE:
+        return _NO_CONTACT[status.radio_state].format(robot=robot)
+    if status.driver:
+        return f"{status.driver} drives {robot}; one person at a time can."
+    if speed > SPEED_MAX:
+        return (
+            f"The robots' clock runs {speed:g} times as fast as a person's;"
+            f" at most {SPEED_MAX:g} times can be driven."
+        )
+    return _foreign_refusal(status) if status.record.is_foreign else _busy(status)
+
+
+def _busy(status: RobotStatus) -> str:
+    """Return what a robot of ours does that is not to be driven over."""
+    robot, state = status.record.id, status.state
+    if state is None:
+        return f"{robot} has not said yet what it does."
+    if state.mode is RobotMode.DRIVEN:
+        return f"{robot} is driven by another ground station, or comes up after that."
+    if state.mode is not RobotMode.IDLE or status.leg_now is not None:
+        return f"{robot} flies a mission; wait for its end, or surface it."
+    if status.plan is not None and status.plan.state == "sent":
+        return f"A plan is on its way to {robot}; wait until it is on board, or cancel it."
+    return ""
+
+
+def _foreign_refusal(status: RobotStatus) -> str:
+    """Return why a vehicle of another maker would not act on a stick."""
+    robot, report = status.record.id, status.vehicle_report
+    if report is None or not report.mode:
+        return f"{robot} has not said its mode yet."
+    if report.mode not in _STEERED:
+        return (
+            f"{robot} is in {report.mode}, where it does not act on a stick; tell it to hold, or"
+            f" choose {', '.join(_STEERED[:3])} at its own ground station."
+        )
+    return ""

@@ -133,6 +133,11 @@ class Fleet:
             self.touch(robot)
         return is_other
 
+    def set_driver(self, robot: str, driver: str) -> None:
+        """Say who drives a robot by hand; "" for nobody."""
+        self._statuses[robot].driver = driver
+        self.touch(robot)
+
     def set_suggestion(self, robot: str, suggestion: DeploymentSuggestion | None) -> None:
         """Say what a person is asked to confirm of a robot's deployment."""
         status = self._statuses[robot]
@@ -325,6 +330,11 @@ class Fleet:
     def touch(self, robot: str) -> None:
         """Say that something about a robot changed."""
         self._bus.publish(RobotReported(robot))
+
+    @property
+    def speed(self) -> float:
+        """Seconds of the robots' clock per second of the wall."""
+        return self._clock.speed
 
     def limit_s(self, limit_s: float) -> float:
         """Return a limit of age by the station's clock, which a demo may run faster."""

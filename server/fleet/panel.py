@@ -14,7 +14,7 @@ from robot_link.messages import STATE, LinkState
 from robot_link.report import VehicleReport
 from server.base.channels import Channels
 from server.fleet.actuator_words import actuators_view
-from server.fleet.capability import capabilities
+from server.fleet.capability import capabilities, drive_refusal
 from server.fleet.current_words import current_view
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
@@ -125,6 +125,8 @@ class FleetViews:
             plan_id=None if status.plan is None else status.plan.plan_id,
             next_contact=self._next_contact(status),
             surface_forecast=self._forecast(status),
+            driver=status.driver,
+            drive_refusal=drive_refusal(status, self._fleet.speed),
             alarm_level=self._alarm_level(robot),
         )
 

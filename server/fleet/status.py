@@ -156,6 +156,8 @@ class RobotStatus:
     readings: dict[str, Reading] = field(default_factory=dict[str, Reading])
     """Newest reading by channel."""
     plan: PlanInHand | None = None
+    driver: str = ""
+    """Who drives it by hand; "" for nobody of this station."""
     mission_id: str | None = None
     deployment: DeploymentRecord | None = None
     """Which it is in now; ``None`` of a robot in the workshop, and of a recording."""

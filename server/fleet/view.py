@@ -235,6 +235,10 @@ class LiveRobotView(StateView):
     plan_id: str | None
     next_contact: ContactView | None
     surface_forecast: str
+    driver: str
+    """Who drives it by hand; empty for nobody of this station."""
+    drive_refusal: str
+    """One sentence on why nobody can begin to drive it by hand now; empty where somebody can."""
     alarm_level: RobotLevel | None
 
 

@@ -11,6 +11,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.station.drive_client import DriveClient
 
 
 class Radio(Protocol):
@@ -33,4 +34,8 @@ class Radio(Protocol):
         plan: PlanHash | None = None,
     ) -> None:
         """Send a command until it is answered or expires."""
+        ...
+
+    def drive(self, robot: RobotId) -> DriveClient:
+        """Return what drives a robot by hand; ServiceError if it is not in radio contact."""
         ...

@@ -28,6 +28,7 @@ from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
 from robot_link.standard_config import StandardCommandConfig
+from robot_link.station.drive_client import DriveClient
 from robot_link.station.error import OutOfContactError
 from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
@@ -247,6 +248,10 @@ class Radios:
     ) -> bytes:
         """Return a whole file of a robot; see ``StationLink``."""
         return await self._linked(robot).download_file(robot, path, content=content, report=report)
+
+    def drive(self, robot: RobotId) -> DriveClient:
+        """Return what drives a robot by hand; see ``StationLink``."""
+        return self._linked(robot).drive(robot)
 
     def _linked(self, robot: RobotId) -> Link:
         if robot not in self._robots:

@@ -12,6 +12,7 @@ from autonomy.planner.leg.primitive import position_at
 from autonomy.planner.plan import PositionNed
 from autonomy.planner.preset import MINIGLIDER
 from robot_link.clock import Clock
+from robot_link.drive import DriveReport, Stick
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandKind,
@@ -37,6 +38,7 @@ from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
+from robot_link.station.drive_client import DriveAnswer
 from robot_link.station.error import ServiceRefusedError
 from robot_link.station.link import RobotEndpoint
 from robot_link.transport.datagram import DatagramTransport
@@ -184,6 +186,41 @@ class FakeRobot:
         return sample
 
 
+class FakeDrive:
+    """Stands where ``DriveClient`` stands: a robot that answers each stick it is sent."""
+
+    def __init__(self, robot: RobotId) -> None:
+        self.robot = robot
+        self.on_answer: Callable[[DriveAnswer], None] = lambda _: None
+        self.sticks: list[tuple[Stick, int]] = []
+        self.is_driven = False
+        self.refusal = ""
+        self.is_free = asyncio.Event()
+        """Whether the radio takes a stick."""
+        self.is_free.set()
+
+    async def begin(self) -> None:
+        if self.refusal:
+            raise ServiceRefusedError(self.refusal)
+        self.is_driven = True
+
+    async def end(self) -> None:
+        self.is_driven = False
+
+    async def steer(self, stick: Stick, tag: int) -> None:
+        self.sticks.append((stick, tag))
+        await self.is_free.wait()
+        self.answer()
+
+    def answer(self) -> None:
+        """Answer the newest stick."""
+        stick, tag = self.sticks[-1]
+        report = DriveReport(
+            self.robot, _now(), _now(), tag % 256, stick, self.is_driven, False, False
+        )
+        self.on_answer(DriveAnswer(report, tag, 0.02))
+
+
 class FakeLink:
     """Stands where ``StationLink`` stands; carries neither parameters nor files.
 
@@ -211,6 +248,9 @@ class FakeLink:
 
     async def run(self) -> None:
         await asyncio.Event().wait()
+
+    def drive(self, robot: RobotId) -> FakeDrive:
+        return self.world.drives.setdefault(robot, FakeDrive(robot))
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
         return ()
@@ -306,6 +346,7 @@ class World:
         self.switched: list[tuple[str, bool]] = []
         self.waypoints: dict[RobotId, tuple[StandardItem, ...]] = {}
         """Missions on board of vehicles of other makers."""
+        self.drives: dict[RobotId, FakeDrive] = {}
         self.flights: list[asyncio.Task[None]] = []
         self.in_reach = True
         self.radio_takes = True

@@ -56,7 +56,9 @@ async def test_what_it_cannot_do_is_said_in_a_sentence(client, lake):
     said = {one["key"]: one["reason"] for one in added["capabilities"]}
     assert tuple(said) == KEYS
     offered = {one["key"] for one in added["capabilities"] if one["is_offered"]}
-    assert offered == {"waypoints", "surface", "hold", "resume", "arm", "logs", "parameters"}
+    assert offered == {
+        "waypoints", "surface", "hold", "resume", "arm", "drive", "logs", "parameters",
+    }  # fmt: skip
     assert all(text.endswith(".") for key, text in said.items() if key not in offered)
     assert "sub-1 speaks standard MAVLink" in said["adaptive_survey"]
     own = (await client.get(f"/api/robots/{MINI}")).json()["capabilities"]
