@@ -10,6 +10,7 @@ from sqlalchemy import Connection, Engine
 
 from db import (
     current_tables,
+    design_tables,
     link_tables,
     map_tables,
     onboard_tables,
@@ -34,6 +35,7 @@ _TABLE_MODULES = (
     current_tables,
     tag_tables,
     water_tables,
+    design_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

@@ -15,6 +15,7 @@ from server.command import install as command
 from server.current import install as current
 from server.demo import install as demo
 from server.deployment import install as deployment
+from server.design import install as design
 from server.drive import install as drive
 from server.fleet import install as fleet
 from server.link import install as link
@@ -52,6 +53,7 @@ CAPABILITIES = (
     maps,
     tag,
     plan,
+    design,
     transfer,
     target,
     survey,
@@ -97,16 +99,10 @@ class Station:
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
-        for later in (command, drive, current, maps, tag):
-            later.install(foundation)
-        plan.install(foundation)
-        transfer.install(foundation)
-        target.install(foundation)
-        survey.install(foundation)
-        study.install(foundation)
-        alarm.install(foundation)
-        scene.install(foundation)
-        recording.install(foundation)
+        for further in (command, drive, current, maps, tag, plan, design, transfer, target, survey):
+            further.install(foundation)
+        for last in (study, alarm, scene, recording):
+            last.install(foundation)
 
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""

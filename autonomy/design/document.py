@@ -50,12 +50,14 @@ class Manner(Configuration):
     """Glides between two depths, or swims along the surface."""
     shallow_m: float = quantity(0.0, "m", title="Shallow turn", ge=0.0, le=_DEEP_M)
     """Depth at which a climb turns into the next descent; 0 comes up to the surface each time."""
-    deep_m: float = quantity(0.5, "m", title="Deep turn", gt=0.0, le=_DEEP_M)
-    """Depth at which a descent turns into a climb; less where a leg is too short for it."""
-    glide_angle_rad: float = quantity(
-        0.6, "rad", title="Glide angle", gt=0.0, lt=_HALF_TURN_RAD, display_unit="deg"
+    deep_m: float | None = quantity(None, "m", title="Deep turn", gt=0.0, le=_DEEP_M)
+    """Depth at which a descent turns into a climb, less where a leg is too short for it; by default
+    as deep as the robot's surveys go."""
+    glide_angle_rad: float | None = quantity(
+        None, "rad", title="Glide angle", gt=0.0, lt=_HALF_TURN_RAD, display_unit="deg"
     )
-    """Angle of the path below and above the horizon."""
+    """Angle of the path below and above the horizon; by default the middle of what the planner
+    allows the robot."""
     glide_speed_m_s: float | None = quantity(
         None, "m/s", title="Vertical speed of glides", gt=0.0, le=5.0
     )
@@ -65,12 +67,12 @@ class Manner(Configuration):
     floor_clearance_m: float | None = quantity(
         None, "m", title="Clearance above the floor", ge=0.0, le=_DEEP_M
     )
-    """Deep turns stay so far above the floor under their leg; without it a design that is too deep
-    is a violation."""
+    """Deep turns stay so far above the floor under them; without it a design that is too deep is a
+    violation."""
 
     @model_validator(mode="after")
     def _turns_in_order(self) -> Self:
-        if self.shallow_m >= self.deep_m:
+        if self.deep_m is not None and self.shallow_m >= self.deep_m:
             raise ValueError("shallow_m must be less than deep_m")
         return self
 

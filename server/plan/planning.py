@@ -12,7 +12,7 @@ from typing import Any
 
 from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
+from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
 from autonomy.tracking.config import TrackingConfig
 from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
@@ -40,7 +40,7 @@ from server.plan.drafting import (
     outdated_by,
 )
 from server.plan.dry_run import DryRuns
-from server.plan.flow import PlanFlows
+from server.plan.flow import PlanFlows, PlannedCurrent
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -157,10 +157,47 @@ class Planning:
         """
         self.settings.refuse_while_storage_fails()
         start = self.settings.position(robot)
-        config = self.settings.known_current(robot, config)
-        current = await self._flows.planned(robot, config, 0.0)
+        current = await self.in_water(robot, config)
+        laid = legs_from(current.config, (start[0], start[1]), legs)
+        return await self.plan_legs(robot, "primitives", current, config_id, laid, by=by)
+
+    async def in_water(self, robot: str, config: PlannerConfig) -> PlannedCurrent:
+        """Return settings with the current that a plan of now reckons with, as well as it is known.
+
+        Raises:
+            UnknownIdError: If there is no such robot.
+        """
+        return await self._flows.planned(robot, self.settings.known_current(robot, config), 0.0)
+
+    async def plan_legs(
+        self,
+        robot: str,
+        kind: str,
+        current: PlannedCurrent,
+        config_id: str | None,
+        legs: Sequence[Leg],
+        *,
+        by: str,
+        document: Mapping[str, Any] | None = None,
+    ) -> PlanRecord:
+        """Begin a draft of legs that are whole, whoever laid them.
+
+        Args:
+            robot: Who is to fly it.
+            kind: Of the plan.
+            current: Settings that it is judged by and travels with, in the water of now.
+            config_id: Their version, where they are one.
+            legs: From the first to the last surfacing.
+            by: Who asked.
+            document: What else is known of the plan.
+
+        Raises:
+            Problem: 422 if the legs are too large for the wire, 503 while storage fails.
+            StoreUnavailableError: Nothing was kept.
+        """
+        self.settings.refuse_while_storage_fails()
         config = current.config
-        flown = candidate_of(config, legs_from(config, (start[0], start[1]), legs))
+        flown = await asyncio.to_thread(candidate_of, config, legs)
         try:
             draft = await self._draft(robot, config, flown)
         except ValueError as error:
@@ -168,11 +205,11 @@ class Planning:
             raise unprocessable("The plan cannot travel to the robot.", wrong) from error
         plan = await self._ledger.add(
             robot,
-            "primitives",
+            kind,
             config=config.model_dump(mode="json"),
             config_id=config_id,
             by=by,
-            document={"current_text": current.text},
+            document={**(document or {}), "current_text": current.text},
         )
         text = f"{plan.id} for {robot} is a draft."
         try:

@@ -16,7 +16,7 @@ PlanState = Annotated[
         "done", "failed", "superseded", "cancelled",
     ),
 ]  # fmt: skip
-PlanKind = Annotated[str, one_of("adaptive_survey", "primitives", "track_target")]
+PlanKind = Annotated[str, one_of("adaptive_survey", "primitives", "design", "track_target")]
 PlanStage = Annotated[str, one_of("waiting", "searching", "rehearsing")]
 TrajectoryPoint = Annotated[list[float], numbers(5)]
 """Time s, north, east, down m, standard deviation of the position m."""

@@ -110,6 +110,14 @@ def later(config: PlannerConfig, leg: Leg, course: Course) -> Carried:
     )
 
 
+def after(config: PlannerConfig, leg: Leg, course: Course) -> tuple[PositionNed, Carried]:
+    """Return where the robot believes to be after a leg, and how far it was carried from there."""
+    then = later(config, leg, course)
+    if leg.end_ned[2] <= 0.0:
+        return position_at(leg, course, 1.0), then
+    return leg.end_ned, then
+
+
 def position_at(leg: Leg, course: Course, fraction: float) -> PositionNed:
     """Return where the robot really is after this part (0..1) of a leg's duration."""
     place = primitive.position_at(leg, fraction)

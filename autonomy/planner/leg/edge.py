@@ -200,7 +200,7 @@ def _shaped_legs(
         course = drift.course_of(config, leg, begin)
         if _stays(config, water, leg, course):
             legs.append(leg)
-            here, begin = _after(config, leg, course)
+            here, begin = drift.after(config, leg, course)
     return legs, here, begin
 
 
@@ -214,16 +214,6 @@ def _heading_to(
     middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
     way_s = math.dist(there[:2], goal_xy) * math.tan(middle) / motion.glide_speed_m_s
     return primitive.bearing(there, (goal_xy[0] - north * way_s, goal_xy[1] - east * way_s, 0.0))
-
-
-def _after(
-    config: PlannerConfig, leg: Leg, course: drift.Course
-) -> tuple[PositionNed, drift.Carried]:
-    """Return where the robot believes to be after a leg, and how far it was carried from there."""
-    then = drift.later(config, leg, course)
-    if leg.end_ned[2] <= 0.0:
-        return drift.position_at(leg, course, 1.0), then
-    return leg.end_ned, then
 
 
 def _stays(config: PlannerConfig, water: Waterway, leg: Leg, course: drift.Course) -> bool:
@@ -331,7 +321,7 @@ def _closing_legs(
         course = drift.course_of(config, legs[0], begin)
         if not _stays(config, water, legs[0], course):
             return None
-        here, begin = _after(config, legs[0], course)
+        here, begin = drift.after(config, legs[0], course)
     goal: PositionNed = (*goal_xy, 0.0)
     distance = math.dist(here, goal)
     if distance < SAME_PLACE_M:

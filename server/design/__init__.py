@@ -1,0 +1,1 @@
+"""Designs: missions that people draw, change, try and keep; each version can become a plan."""

@@ -1,0 +1,18 @@
+"""Puts the capability together."""
+
+from server.base.foundation import Foundation
+from server.design import route, template_route
+from server.design.designs import Designs
+from server.design.sides import Sides
+from server.fleet.fleet import Fleet
+from server.plan.planning import Planning
+
+ROUTERS = (template_route.router, route.router)
+
+
+def install(foundation: Foundation) -> None:
+    """Make what keeps designs and what compares them."""
+    services = foundation.services
+    fleet = services.get(Fleet)
+    designs = services.add(Designs(foundation, fleet, services.get(Planning)))
+    services.add(Sides(foundation, fleet, designs))

@@ -1,0 +1,74 @@
+"""Designs moved as a whole, and designs made of the legs of a plan."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from autonomy.design.document import WAYPOINTS_MAX, Design, Manner, SurfacingRules, Way, Waypoint
+from autonomy.planner.plan import Leg, PrimitiveKind
+
+_AT_SURFACE_M = 1e-3
+
+
+def shifted(design: Design, north_m: float, east_m: float) -> Design:
+    """Return a design with every place moved by so much.
+
+    Raises:
+        ValidationError: If a place leaves what a design may hold.
+    """
+    if north_m == 0.0 and east_m == 0.0:
+        return design
+    return Design.model_validate(_moved(design.model_dump(mode="json"), north_m, east_m))
+
+
+def _moved(value: Any, north_m: float, east_m: float) -> Any:  # noqa: ANN401 - JSON
+    if isinstance(value, list):
+        return [_moved(one, north_m, east_m) for one in value]
+    if not isinstance(value, dict):
+        return value
+    inner = {key: _moved(one, north_m, east_m) for key, one in value.items()}
+    if {"north_m", "east_m"} <= inner.keys():
+        inner["north_m"] += north_m
+        inner["east_m"] += east_m
+    return inner
+
+
+def design_of_legs(legs: Sequence[Leg]) -> Design:
+    """Return waypoints that lead along a plan's legs: one at each surfacing.
+
+    What a design cannot say, such as a spiral on the way, becomes the glide between the places
+    where the robot comes up.
+
+    Raises:
+        ValueError: If there are no legs, or more surfacings than waypoints are allowed.
+    """
+    if not legs:
+        raise ValueError("the plan has no legs")
+    first = legs[0].start_ned
+    waypoints = [Waypoint(north_m=first[0], east_m=first[1])]
+    deepest_m = 0.0
+    speed_m_s = None
+    for leg in legs:
+        deepest_m = max(deepest_m, leg.end_ned[2])
+        if leg.kind is not PrimitiveKind.SWIM:
+            speed_m_s = leg.speed_m_s
+        if leg.end_ned[2] > _AT_SURFACE_M:
+            continue
+        is_swim = deepest_m <= _AT_SURFACE_M
+        waypoints.append(
+            Waypoint(
+                north_m=leg.end_ned[0],
+                east_m=leg.end_ned[1],
+                motion="swim" if is_swim else "glide",
+                deep_m=None if is_swim else deepest_m,
+                speed_m_s=leg.speed_m_s if is_swim else speed_m_s,
+            )
+        )
+        deepest_m, speed_m_s = 0.0, None
+    if len(waypoints) > WAYPOINTS_MAX:
+        raise ValueError(
+            f"the plan comes up {len(waypoints) - 1} times; a design has at most {WAYPOINTS_MAX}"
+            " waypoints"
+        )
+    return Design(
+        content=Way(waypoints=tuple(waypoints)), manner=Manner(), surfacing=SurfacingRules()
+    )

@@ -1,0 +1,241 @@
+"""A design laid out in its water for a robot: legs, account, and what speaks against it.
+
+A pure function of what it is given, so that it can run beside the event loop.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from autonomy.design.document import Design, Waypoint
+from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there
+from autonomy.design.way import waypoints_of
+from autonomy.estimation.position import expected_position_std
+from autonomy.planner.check.check import violations
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg.edge import legs_duration_s, legs_energy, surfacings
+from autonomy.planner.plan import Leg, PositionNed
+from autonomy.planner.work import joules_per_unit
+from autonomy.site import Site
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.glide import NoSteadyGlideError
+from autonomy.vehicle.trim import TrimConfig
+from db.record import same
+from robot_link.mission import Mission, MissionSettings
+from robot_link.satellite.config import Tariff
+from server.design.view import (
+    OutlineAccountView,
+    OutlineLegView,
+    OutlineNoteView,
+    OutlineView,
+    OutlineViolationView,
+    OutlineWaypointView,
+    WayThereView,
+)
+from server.satellite.cost import mission_credits
+
+_J_PER_WH = 3600.0
+_NUMBERED = re.compile(r"^(legs|waypoints)\.(\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a design is laid out with."""
+
+    config: PlannerConfig
+    """What holds for the robot, in the current that a plan of now reckons with."""
+    current_text: str
+    """Where that current comes from; "" where it was typed."""
+    site: Site
+    spacing_m: float
+    """Correlation length of the robot's map."""
+    robot_ned: PositionNed | None
+    """Where the robot said that it is."""
+    battery_left: float | None
+    vehicle: Vehicle | None
+    tariff: Tariff
+    now: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A design laid out."""
+
+    waypoints: tuple[Waypoint, ...]
+    laid_out: LaidOut
+    rules: PlannerConfig
+    """The planner's settings as they hold for it."""
+    flaw: tuple[str, str] | None
+    """Field and reason, if it could not be laid out."""
+
+
+def lay(design: Design, around: Surroundings) -> Outline:
+    """Lay a design out."""
+    rules = rules_of(around.config, design, around.site)
+    waypoints: tuple[Waypoint, ...] = ()
+    try:
+        waypoints = waypoints_of(design, around.site, around.spacing_m)
+        due_s = [(at - around.now).total_seconds() for at in design.surfacing.times]
+        domain = around.config.domain
+        laid_out = lay_out(
+            design,
+            waypoints,
+            rules,
+            around.site,
+            usual_deep_m=domain.depth_max_m - around.config.floor_margin_m,
+            due_s=due_s,
+        )
+    except ValueError as error:
+        field, colon, reason = str(error).partition(": ")
+        flaw = (field, reason) if colon and " " not in field else ("content", str(error))
+        return Outline(waypoints, LaidOut(), rules, flaw)
+    return Outline(waypoints, laid_out, rules, None)
+
+
+def outline_view(design: Design, around: Surroundings) -> OutlineView:
+    """Return a design laid out, with its account and all that speaks against flying it."""
+    found = lay(design, around)
+    legs, rules = tuple(found.laid_out.legs), found.rules
+    way, notes = _way(found, around)
+    broken = (
+        [OutlineViolationView(*found.flaw, _waypoint_of(found.flaw[0]), None, None)]
+        if (found.flaw)
+        else []
+    )
+    if legs:
+        broken += _violations(legs, found, around.site)
+    return OutlineView(
+        waypoints=_waypoint_views(found),
+        legs=leg_views(legs, found.laid_out.waypoint),
+        way_there=way,
+        account=None if not legs else _account(legs, rules, way, around),
+        violations=broken,
+        notes=[OutlineNoteView(one.waypoint, one.text) for one in found.laid_out.remarks] + notes,
+        spacing_m=around.spacing_m,
+    )
+
+
+def leg_views(legs: Sequence[Leg], waypoints: Sequence[int] | None = None) -> list[OutlineLegView]:
+    """Return legs as a design shows them; those of a plan lead to waypoints of their own."""
+    return [
+        same(
+            OutlineLegView,
+            leg,
+            number=number,
+            waypoint=number if waypoints is None else waypoints[number],
+        )
+        for number, leg in enumerate(legs)
+    ]
+
+
+def _waypoint_views(found: Outline) -> list[OutlineWaypointView]:
+    first: dict[int, int] = {}
+    for number, waypoint in enumerate(found.laid_out.waypoint):
+        first.setdefault(waypoint, number)
+    return [
+        same(OutlineWaypointView, one, number=number, first_leg=first.get(number))
+        for number, one in enumerate(found.waypoints)
+    ]
+
+
+def _way(found: Outline, around: Surroundings) -> tuple[WayThereView | None, list[OutlineNoteView]]:
+    """Return the way from the robot to the first waypoint, or why it is not known."""
+    if around.robot_ned is None:
+        text = "The robot has not said where it is: the way to the first waypoint is not counted."
+        return None, [OutlineNoteView(None, text)]
+    start = around.robot_ned[:2]
+    try:
+        leg = way_there(found.rules, start, found.waypoints)
+    except ValueError as error:
+        return None, [OutlineNoteView(0, f"On the way to the first waypoint the {error}.")]
+    if leg is None:
+        return None, []
+    view = same(WayThereView, leg, distance_m=math.dist(leg.start_ned[:2], leg.end_ned[:2]))
+    return view, []
+
+
+def _violations(legs: tuple[Leg, ...], found: Outline, site: Site) -> list[OutlineViolationView]:
+    views: list[OutlineViolationView] = []
+    for one in violations(legs, found.rules, site):
+        matched = _NUMBERED.match(one.field)
+        leg = int(matched[2]) if matched and matched[1] == "legs" else None
+        views.append(
+            OutlineViolationView(
+                one.field,
+                one.message,
+                None if leg is None else found.laid_out.waypoint[leg],
+                leg,
+                None if leg is None else _middle(legs[leg]),
+            )
+        )
+    return views
+
+
+def _waypoint_of(field: str) -> int | None:
+    matched = _NUMBERED.match(field)
+    return int(matched[2]) if matched and matched[1] == "waypoints" else None
+
+
+def _middle(leg: Leg) -> PositionNed:
+    (a, b, c), (x, y, z) = leg.start_ned, leg.end_ned
+    return (a + x) / 2.0, (b + y) / 2.0, (c + z) / 2.0
+
+
+def _account(
+    legs: tuple[Leg, ...], rules: PlannerConfig, way: WayThereView | None, around: Surroundings
+) -> OutlineAccountView:
+    energy = legs_energy(rules, legs) + (0.0 if way is None else way.energy)
+    duration_s = legs_duration_s(rules, legs)
+    comes_up = surfacings(legs)
+    return OutlineAccountView(
+        energy=energy,
+        energy_wh=_watt_hours(around.vehicle, rules, energy),
+        duration_s=duration_s + (0.0 if way is None else way.duration_s),
+        distance_m=sum(math.dist(leg.start_ned[:2], leg.end_ned[:2]) for leg in legs),
+        surfacings=comes_up,
+        worst_std_m=worst_std_m(legs, rules),
+        satellite_bytes=comes_up * rules.mission.surfacing_bytes,
+        credits=_credits(legs, rules, duration_s, around.tariff),
+        battery_left=around.battery_left,
+    )
+
+
+def _watt_hours(vehicle: Vehicle | None, rules: PlannerConfig, units: float) -> float | None:
+    if vehicle is None:
+        return None
+    try:
+        return units * joules_per_unit(vehicle, rules.primitives, rules.energy) / _J_PER_WH
+    except NoSteadyGlideError:
+        return None
+
+
+def _credits(
+    legs: tuple[Leg, ...], rules: PlannerConfig, duration_s: float, tariff: Tariff
+) -> int | None:
+    settings = MissionSettings.of(rules, TrimConfig(), legs[0].start_ned, duration_s)
+    try:
+        return mission_credits(Mission.from_legs(settings, legs), tariff)
+    except ValueError:
+        return None
+
+
+def worst_std_m(legs: Sequence[Leg], rules: PlannerConfig) -> float:
+    """Return the greatest standard deviation of the position between two surfacings, m."""
+    interval_s, worst_m = rules.primitives.point_interval_s, 0.0
+    ends_s, depths_m = [0.0], [0.0]
+    for leg in legs:
+        ends_s.append(ends_s[-1] + leg.duration_s)
+        depths_m.append(leg.end_ned[2])
+        if leg.end_ned[2] > 0.0:
+            continue
+        count = max(1, math.ceil(ends_s[-1] / interval_s))
+        times_s = np.minimum(np.arange(1, count + 1) * interval_s, ends_s[-1])
+        depth_m = np.interp(times_s, ends_s, depths_m)
+        std_m = expected_position_std(rules.position_filter, times_s, depth_m, interval_s)
+        worst_m = max(worst_m, float(std_m.max()))
+        ends_s, depths_m = [0.0], [0.0]
+    return worst_m
