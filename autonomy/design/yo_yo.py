@@ -2,7 +2,7 @@
 
 How far it must go down and up in all follows from the glide angle, which is kept as asked. What
 gives way are the deep turns, which become by one factor so much shallower that the line ends where
-it should.
+it should, and where that is not enough the shallow turns.
 """
 
 from collections.abc import Callable
@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 _SLACK_M = 1e-9
+_SHALLOWER = (1.0, 0.75, 0.5, 0.25, 0.1)
+"""Parts of the shallow turns' depth that are tried, the surface itself not among them."""
 _ENDS = 2
 """Depths of one glide."""
 
@@ -48,7 +50,7 @@ def turning_depths(line: Line) -> list[float] | None:
     """Return the depths between which a robot glides straight, its first and last included.
 
     Each pair is one glide; all have one angle, the one that was asked for unless the turns would
-    then lie too close together; then it is flatter.
+    then lie too close together whatever gives way; then it is flatter.
 
     Returns:
         None if the line is too short, or the water too shallow, to glide along.
@@ -56,9 +58,12 @@ def turning_depths(line: Line) -> list[float] | None:
     turns = _turns(line)
     if turns is None:
         return None
-    fitted = _fitted(turns, line.shallow_m, line.travel_m)
-    if _is_steady(fitted, line.depth_change_min_m):
-        return fitted
+    for share in _SHALLOWER:
+        shallow_m = share * line.shallow_m
+        shallower = [_shallower(turn, line.shallow_m, shallow_m) for turn in turns]
+        fitted = _fitted(shallower, shallow_m, line.travel_m)
+        if _is_steady(fitted, line.depth_change_min_m):
+            return fitted
     fewer = _fewer(turns, line)
     return fewer if fewer is not None and _is_steady(fewer, line.depth_change_min_m) else None
 
@@ -84,6 +89,12 @@ def _turns(line: Line) -> list[Turn] | None:
         is_down = not is_down
         passed_m += abs(turns[-1].depth_m - here_m)
     return turns
+
+
+def _shallower(turn: Turn, before_m: float, after_m: float) -> Turn:
+    """Return a turn with another depth if it is a shallow one."""
+    is_shallow = not turn.gives_way and turn.depth_m == before_m
+    return Turn(after_m, gives_way=False) if is_shallow else turn
 
 
 def _fitted(turns: list[Turn], shallow_m: float, travel_m: float) -> list[float]:
