@@ -12,10 +12,10 @@ from db.current_tables import CurrentReportRow
 from db.fault import UnknownIdError
 from db.onboard_tables import ActuatorReportRow
 from db.sample_ingest import NewReading, NewSample, insert_readings, insert_samples, upsert
-from db.tables import Base, PlanReportRow, RawFrameRow, Robot, StateRow
+from db.tables import Base, PlanQueueRow, PlanReportRow, RawFrameRow, Robot, StateRow
 from db.tag_tables import DetectionRow, ReceiverReportRow
 from db.target_tables import TargetReportRow
-from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport
+from robot_link.messages import STATE, PlanQueue, PlanReport, RawFrame, Sample, StateReport
 from robot_link.report import (
     ActuatorReport,
     CurrentReport,
@@ -29,6 +29,7 @@ from robot_link.report import (
 _Row = (
     StateReport
     | PlanReport
+    | PlanQueue
     | TargetReport
     | CurrentReport
     | ActuatorReport
@@ -100,6 +101,10 @@ def _row(value: _Row) -> tuple[type[Base], dict[str, Any]]:
                 "energy_used": value.energy_used,
                 "reason": value.reason,
             }
+        case PlanQueue():
+            row = asdict(value)
+            del row["robot"]
+            return PlanQueueRow, row
         case TargetReport():
             return TargetReportRow, _target_row(value)
         case CurrentReport():

@@ -149,6 +149,22 @@ class PlanReportRow(Base):
     reason: Mapped[str]
 
 
+class PlanQueueRow(Base):
+    """What a robot said of the plan that waits behind the one on board, and of the one before."""
+
+    __tablename__ = "plan_queue"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    measured_at: Mapped[datetime] = mapped_column(primary_key=True)
+    received_at: Mapped[datetime]
+    sha256: Mapped[str | None]
+    next_sha256: Mapped[str | None]
+    next_starts: Mapped[bool]
+    last_sha256: Mapped[str | None]
+    last_done: Mapped[bool]
+
+
 class Configuration(Base):
     """One version of one tunable model; rows are never changed."""
 
@@ -218,6 +234,7 @@ class Plan(Base):
     created_by: Mapped[str]
     draft_at: Mapped[datetime | None]
     sent_at: Mapped[datetime | None]
+    waiting_at: Mapped[datetime | None]
     on_board_at: Mapped[datetime | None]
     running_at: Mapped[datetime | None]
     ended_at: Mapped[datetime | None]

@@ -10,7 +10,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
-from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.plan_store import MemoryPlanStore, resume
 from onboard.link.robot_link import RobotLink
 from onboard.link.sample_file import FileSampleLog
 from onboard.link.waypoint_mission import WaypointRules
@@ -93,11 +93,12 @@ class Computer:
         talk = None if satellite is None else _talk_settings(satellite_config or SatelliteConfig())
         self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
         parameters = _own_parameters(memory, vehicle, program, talk)
-        if (mission := plans.load()) is not None:
+        if (mission := resume(plans)) is not None:
             program.take_plan(mission)
         self._flown = FlownPlan(None if memory is None else memory / "flown")
         _obey_kept_quiet(memory, program)
         self._noted = program.executive.mode, program.executive.plan_state
+        self._noted_plan = program.executive.plans_begun
         self.link = RobotLink(
             system,
             radio,
@@ -163,6 +164,9 @@ class Computer:
         """Let one period of the program pass; call it ten times a second of the robot."""
         self.program.step(self.link)
         executive = self.program.executive
+        if executive.plans_begun != self._noted_plan:
+            self._noted_plan = executive.plans_begun
+            self._note_flight(executive.plan_state)
         told = executive.mode, executive.plan_state
         if told == self._noted:
             return

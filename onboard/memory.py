@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+from onboard.link.plan_store import WaitingPlan
 from robot_link.messages import CommandNumber, LogId, PlanHash
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome
@@ -29,14 +30,16 @@ class KeyUnreadableError(Exception):
 
 
 class FilePlanStore:
-    """The plan on board in one file.
+    """The plan on board in one file, the one that waits behind it in another beside it.
 
     A file that holds no plan counts as none: the robot then flies nothing until it is told again.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._mission = self._read()
+        self._next_path = path.with_name(f"{path.name}-next")
+        self._mission = _mission_in(path)
+        self._next = self._read_next()
 
     def load(self) -> Mission | None:
         """Return the plan on board, None without one."""
@@ -48,16 +51,46 @@ class FilePlanStore:
         Raises:
             OSError: If the disk refuses; the plan on board is then what it was.
         """
-        blob = Blob.of(mission)
-        replace_file(self._path, bytes((blob.codec,)) + blob.packed)
+        replace_file(self._path, _octets(mission))
         self._mission = mission
 
-    def _read(self) -> Mission | None:
-        try:
-            data = self._path.read_bytes()
-            return mission_of(data[1:], data[0]) if data else None
-        except (FileNotFoundError, ValueError):
+    def load_next(self) -> WaitingPlan | None:
+        """Return the plan that waits, None without one."""
+        return self._next
+
+    def replace_next(self, waiting: WaitingPlan | None) -> None:
+        """Make a plan the one that waits, whole or not at all; None lets none wait.
+
+        Raises:
+            OSError: If the disk refuses; what waited before still does.
+        """
+        data = b"" if waiting is None else bytes((waiting.starts,)) + _octets(waiting.mission)
+        replace_file(self._next_path, data)
+        self._next = waiting
+
+    @property
+    def has_queued(self) -> bool:
+        """Whether a plan ever waited."""
+        return self._next_path.exists()
+
+    def _read_next(self) -> WaitingPlan | None:
+        mission = _mission_in(self._next_path, skip=1)
+        if mission is None:
             return None
+        return WaitingPlan(mission, starts=bool(self._next_path.read_bytes()[0]))
+
+
+def _octets(mission: Mission) -> bytes:
+    blob = Blob.of(mission)
+    return bytes((blob.codec,)) + blob.packed
+
+
+def _mission_in(path: Path, *, skip: int = 0) -> Mission | None:
+    try:
+        data = path.read_bytes()[skip:]
+        return mission_of(data[1:], data[0]) if data else None
+    except (FileNotFoundError, ValueError):
+        return None
 
 
 class FileCommandMemory:

@@ -100,6 +100,10 @@ class Radio(Protocol):
         """Say how the plan on board fares."""
         ...
 
+    def begin_next_plan(self) -> None:
+        """Begin the plan that waits for this surfacing, if one does."""
+        ...
+
 
 class OnboardProgram:
     """Estimator, executive and pilot of one robot, and what it tells the station.
@@ -154,7 +158,7 @@ class OnboardProgram:
         self._next_sample_s = 0.0
         self._next_asked_s: dict[str, float] = {}
         self._told_mode: RobotMode | None = None
-        self._told_plan: tuple[OnboardPlanState, int] | None = None
+        self._told_plan: tuple[OnboardPlanState, int, int] | None = None
         self._told_current: tuple[RobotMode, int] | None = None
         self._next_current_s = 0.0
         self._told_actuators: ActuatorNews | None = None
@@ -196,6 +200,22 @@ class OnboardProgram:
     def take_plan(self, mission: Mission) -> None:
         """Replace the plan on board; it waits for START."""
         self.executive.take_plan(mission)
+        self._sample_period_s = mission.settings.sample_period_s
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether a plan is flown, and not just given up."""
+        return self.executive.is_flying
+
+    def switch_refusal(self, mission: Mission) -> str:
+        """Return why a waiting plan could not begin at a surfacing now, or ""."""
+        if self.estimate.readings.battery_fraction < RESERVE:
+            return "the battery is below its reserve"
+        return self.executive.switch_refusal(mission)
+
+    def switch_plan(self, mission: Mission) -> None:
+        """End the plan on board at a surfacing and begin another."""
+        self.executive.switch_plan(mission)
         self._sample_period_s = mission.settings.sample_period_s
 
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
@@ -359,6 +379,8 @@ class OnboardProgram:
         self._hardware.actuate(self._sent)
         self._measure(radio)
         self._tell(radio)
+        if self.executive.may_switch:
+            radio.begin_next_plan()
 
     def state_report(self) -> StateReport:
         """Return what the robot believes of itself; ``received_at`` is the receiver's to fill."""
@@ -423,7 +445,7 @@ class OnboardProgram:
         if executive.mode is not self._told_mode:
             self._told_mode = executive.mode
             radio.set_mode(executive.mode)
-        plan = (executive.plan_state, executive.leg)
+        plan = (executive.plan_state, executive.leg, executive.plans_begun)
         if plan != self._told_plan:
             self._told_plan = plan
             radio.report_plan(

@@ -67,6 +67,8 @@ class OnboardPlanState(IntEnum):
     DONE = 4
     FAILED = 5
     REFUSED = 6
+    WAITING = 7
+    """Kept behind the plan being flown; said only in answer to an offer that may wait."""
 
 
 SURFACED_BY_COMMAND = "surfaced by command"
@@ -311,6 +313,26 @@ class PlanReport:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanQueue:
+    """What the robot says of the plan that waits behind the one on board, and of the one before."""
+
+    robot: RobotId
+    sha256: PlanHash | None
+    """The plan on board."""
+    next_sha256: PlanHash | None
+    """The plan that waits for the next surfacing."""
+    next_starts: bool
+    """Whether that begins then; else it waits for START."""
+    last_sha256: PlanHash | None
+    """The plan that the one on board took the place of at a surfacing."""
+    last_done: bool
+    """Whether that was flown to its end."""
+    measured_at: datetime
+    """When this became so."""
+    received_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
 class CommandReport:
     """A level of one command, proved at ``at`` by ``carrier``."""
 
@@ -332,7 +354,8 @@ class UploadReport:
     items_sent: int
     items: int
     state: OnboardPlanState
-    """RECEIVING while under way; ON_BOARD only after the robot echoed the hash."""
+    """RECEIVING while under way; ON_BOARD, or WAITING behind the plan that is flown, only after the
+    robot echoed the hash."""
     reason: str
     at: datetime
 

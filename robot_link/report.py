@@ -13,6 +13,7 @@ from robot_link.messages import (
     CommandReport,
     LinkReport,
     LogId,
+    PlanQueue,
     PlanReport,
     PositionNed,
     RawFrame,
@@ -277,7 +278,16 @@ class Reading:
     received_at: datetime
 
 
-_Told = StateReport | Sample | Reading | PlanReport | TargetReport | CurrentReport | Detection
+_Told = (
+    StateReport
+    | Sample
+    | Reading
+    | PlanReport
+    | PlanQueue
+    | TargetReport
+    | CurrentReport
+    | Detection
+)
 SatelliteReport = _Told | ChannelPage | TableVersion
 """What a robot tells of itself by satellite too; of its actuators and of its tag receiver it says
 nothing there."""

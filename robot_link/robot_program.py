@@ -29,6 +29,19 @@ class RobotProgram(Protocol):
         """Replace the plan on board; the new one waits for START."""
         ...
 
+    @property
+    def is_flying(self) -> bool:
+        """Whether a plan is flown, and not just given up: another may wait behind it."""
+        ...
+
+    def switch_refusal(self, mission: Mission) -> str:
+        """Return why a waiting plan could not begin at a surfacing now, or ""."""
+        ...
+
+    def switch_plan(self, mission: Mission) -> None:
+        """End the plan on board at a surfacing and begin another; it must not be refused."""
+        ...
+
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         """Act on a command; ``plan_digits`` are the first 12 digits of START's plan, else ""."""
         ...

@@ -92,6 +92,9 @@ class _Notebook:
     ) -> None:
         self.reason = reason
 
+    def begin_next_plan(self) -> None:
+        pass
+
 
 @dataclass
 class Flight:

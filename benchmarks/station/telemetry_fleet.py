@@ -35,6 +35,15 @@ class Program:
     def take_plan(self, mission: Mission) -> None:
         del mission
 
+    is_flying = False
+
+    def switch_refusal(self, mission: Mission) -> str:
+        del mission
+        return "this robot only talks"
+
+    def switch_plan(self, mission: Mission) -> None:
+        del mission
+
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         del kind, plan_digits
         return CommandOutcome.NOT_NOW

@@ -78,6 +78,7 @@ class Stage(Enum):
 
 
 _BEFORE_A_DIVE = (Stage.APPROACH, Stage.TURN, Stage.SURFACED)
+_AT_A_SURFACING = (Stage.NEXT, Stage.PURSUIT, *_BEFORE_A_DIVE)
 
 
 class Executive:
@@ -129,6 +130,8 @@ class Executive:
         """Why the plan failed, one sentence; empty otherwise."""
         self.leg = 0
         """Leg being flown or next."""
+        self.plans_begun = 0
+        """How many plans were begun since the robot was switched on."""
         self.trim = Trim()
         """Trim of the mission that was started last."""
 
@@ -182,6 +185,35 @@ class Executive:
         self.reason = ""
         self.leg = 0
         self._account = EnergyAccount(self._energy)
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether a plan is flown, and the robot is not coming up for good."""
+        return self.plan_state is OnboardPlanState.RUNNING and self._stage is not Stage.ABORT
+
+    @property
+    def may_switch(self) -> bool:
+        """Whether another plan may take the place of this one: between two dives, or at its end.
+
+        A robot that is held waits where it is.
+        """
+        if self.plan_state is OnboardPlanState.DONE:
+            return self._stage is Stage.IDLE
+        is_up = self._surfaced_s > 0.0 and self._stage in _AT_A_SURFACING
+        return self.is_flying and is_up and not self._hold
+
+    def switch_refusal(self, mission: Mission) -> str:
+        """Return why a plan that waits could not begin now, or ""."""
+        flaw = plan_flaw(mission, self._flight.site, self._flight.vehicle.limits)
+        return flaw or self._stuck_text()
+
+    def switch_plan(self, mission: Mission) -> None:
+        """End the plan on board where the robot is, at the surface, and begin another."""
+        self._account.end_leg()
+        self.tracking.end()
+        self._enter(Stage.IDLE, Float(self._flight, RobotMode.SURFACED))
+        self.take_plan(mission)
+        self._start(mission.sha256())
 
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         """Act on a command; the same command again changes nothing."""
@@ -272,6 +304,7 @@ class Executive:
             self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
             return CommandOutcome.NOT_NOW
         self.plan_state = OnboardPlanState.RUNNING
+        self.plans_begun += 1
         self.trim = Trim.of(mission.settings)
         self._take_settings(mission)
         self.reason = ""

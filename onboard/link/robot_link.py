@@ -14,7 +14,7 @@ from onboard.link.command_desk import CommandDesk, CommandMemory
 from onboard.link.drive_desk import DriveDesk, driver_of
 from onboard.link.newest_sender import NewestSender
 from onboard.link.plan_desk import PlanDesk, PlanOnBoard
-from onboard.link.plan_store import PlanStore
+from onboard.link.plan_store import PlanStore, WaitingPlan
 from onboard.link.sample_sender import SampleSender
 from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
@@ -127,7 +127,6 @@ class RobotLink:
         self._station_heard_s = -math.inf
         self._station_known = asyncio.Event()
         self._replies: asyncio.Queue[tuple[Address | None, WireMessage]] = asyncio.Queue(_REPLIES)
-        self._commands = CommandDesk(program, command_memory)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
         self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
@@ -149,10 +148,10 @@ class RobotLink:
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
+        self._commands = CommandDesk(self._plan, command_memory)
         self._services = ServiceDesk(
             system,
             clock,
-            program,
             self._plan,
             self._drive,
             parameters=self.parameters,
@@ -179,6 +178,15 @@ class RobotLink:
         return self._plan.plan_hash
 
     @property
+    def waiting_plan(self) -> WaitingPlan | None:
+        """The plan that waits behind the one on board."""
+        return self._plan.queue.waiting
+
+    def begin_next_plan(self) -> None:
+        """Begin the plan that waits for this surfacing, if one does."""
+        self._plan.begin_next()
+
+    @property
     def unacknowledged_samples(self) -> int:
         """Samples not yet known to be stored ashore."""
         return len(self._samples)
@@ -192,19 +200,20 @@ class RobotLink:
         """Return what is to be said of the plan on board, by whatever link."""
         return self._plan.on_board()
 
-    def take_mission(self, mission: Mission, *, start: bool) -> str:
+    def take_mission(self, mission: Mission, *, start: bool, may_wait: bool = False) -> str:
         """Put a mission on board that came complete by another link than the radio.
 
         The mission that is on board already, waiting or being flown, is left as it is.
 
         Args:
             mission: What replaces the plan on board.
-            start: Whether to fly it at once.
+            start: Whether to fly it at once, or at the next surfacing where it waits.
+            may_wait: Whether it may wait behind a plan that is flown.
 
         Returns:
             Why it was refused, a sentence; empty if it is on board (and flown, where asked).
         """
-        return self._plan.take_mission(mission, start=start)
+        return self._plan.take_mission(mission, start=start, may_wait=may_wait)
 
     def take_command(self, command: ReceivedCommand) -> CommandOutcome:
         """Act on a command that came by another link; one heard by several links acts once."""
@@ -461,6 +470,8 @@ class RobotLink:
         await self._station_known.wait()
         while True:
             self._plan.changed.clear()
+            if (queue := self._plan.queue.due(self._plan.plan_hash)) is not None:
+                await self._send(queue, _ATTEMPTS)  # first: it tells how the plan before ended
             await self._send(self._plan.said, _ATTEMPTS)
             await set_or_after(self._plan.changed, self._timing.plan_report_s)
 

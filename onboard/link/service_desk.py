@@ -28,7 +28,6 @@ from robot_link.mavlink.codec import STATION_SYSTEM, WireMessage
 from robot_link.mavlink.command import PLAN_DIGITS, result_of
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, PlanHash, StateReport, SystemId
-from robot_link.robot_program import RobotProgram
 from robot_link.service.clock_sync import time_answer
 from robot_link.service.file_store import FileStore
 from robot_link.service.heartbeat import is_ground_station
@@ -74,7 +73,6 @@ class ServiceDesk:
     Args:
         system: The robot's system id.
         clock: The robot's clock.
-        program: What flies the robot.
         plan: Its plan on board.
         drive: Who drives it by hand.
         parameters: Its parameters.
@@ -91,7 +89,6 @@ class ServiceDesk:
         self,
         system: SystemId,
         clock: Clock,
-        program: RobotProgram,
         plan: PlanDesk,
         drive: DriveDesk,
         *,
@@ -106,7 +103,6 @@ class ServiceDesk:
     ) -> None:
         self._system = system
         self._clock = clock
-        self._program = program
         self._plan = plan
         self._drive = drive
         self._parameters = parameters
@@ -328,4 +324,4 @@ class ServiceDesk:
             if sha256 is None:
                 return grace.MAV_RESULT_TEMPORARILY_REJECTED
             digits = sha256[:PLAN_DIGITS]
-        return result_of(self._program.obey(kind, digits))
+        return result_of(self._plan.obey(kind, digits))

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from onboard.link.plan_store import PlanStore
+from onboard.link.plan_store import PlanStore, WaitingPlan
 from onboard.node.satellite import SatelliteClient, SessionOutcome
 from onboard.node.wire import NodeError, NodeGoneError, NodeSilentError
 from onboard.satellite.policy import SESSIONS_MAX, CallLimits, CallPolicy, Situation
@@ -35,6 +35,8 @@ from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import SampleLog
 from robot_link.satellite.blob import Blob
+from robot_link.satellite.chunk import sizes
+from robot_link.satellite.content import waiting_ack
 from robot_link.satellite.record import (
     CommandAnswer,
     TransferAck,
@@ -46,6 +48,7 @@ _TICK_S = 0.05
 _RADIO_WALL_S = 3.0
 """The station's radio is heard once a second of the wall, however fast the robot lives."""
 _OVERTAKEN = "withdrawn: a plan came by radio meanwhile"
+_DROPPED = "withdrawn: it waits no longer"
 _FLOWN = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
 
 _log = logging.getLogger(__name__)
@@ -64,8 +67,13 @@ class Carried(PlanTeller, Protocol):
         """Hash of the plan on board."""
         ...
 
-    def take_mission(self, mission: Mission, *, start: bool) -> str:
-        """Put a mission on board; return why it was refused, or ""."""
+    @property
+    def waiting_plan(self) -> WaitingPlan | None:
+        """The plan that waits behind the one on board."""
+        ...
+
+    def take_mission(self, mission: Mission, *, start: bool, may_wait: bool = False) -> str:
+        """Put a mission on board, or let it wait; return why it was refused, or ""."""
         ...
 
     def take_command(self, command: ReceivedCommand) -> CommandOutcome:
@@ -153,6 +161,7 @@ class SatelliteTalk:
         self._plans = plans
         self._was_flown = was_flown
         self._on_board = link.plan_hash
+        self._waiting = link.waiting_plan
         self._note = note
         self._policy = CallPolicy(settings.limits)
         self._has_rung = False
@@ -186,8 +195,29 @@ class SatelliteTalk:
             if pending := self._receiver.pending(self._link.plan_hash):
                 self._apply(pending)
 
+    def _follow_waiting(self) -> None:
+        """Say the last word on a mission that waited and does so no longer.
+
+        Either it came on board, or an order to surface or another plan took it away.
+        """
+        waiting = self._link.waiting_plan
+        if waiting == self._waiting:
+            return
+        before, self._waiting = self._waiting, waiting
+        if before is None or (waiting is not None and waiting.mission == before.mission):
+            return
+        gone = Blob.of(before.mission).transfer_id
+        if all(ack.transfer_id != gone for ack in self._receiver.acks()):
+            return
+        with self._disk_may_refuse():
+            if self._link.plan_hash == before.mission.sha256():
+                self._receiver.applied(gone)
+            else:
+                self._receiver.refused(gone, _DROPPED)
+
     def _make_way(self) -> None:
         """Give up the mission that is coming in where the radio brought another plan."""
+        self._follow_waiting()
         on_board = self._link.plan_hash
         if on_board == self._on_board:
             return
@@ -302,20 +332,42 @@ class SatelliteTalk:
         refusal = ""
         if plan.sha256 != sha256 or not is_flown:
             try:
-                refusal = self._link.take_mission(complete.mission, start=complete.start)
+                refusal = self._link.take_mission(
+                    complete.mission, start=complete.start, may_wait=True
+                )
             except OSError as error:
                 refusal = f"the robot cannot keep it: {error}"
         self._on_board = self._link.plan_hash
+        waiting = self._waiting = self._link.waiting_plan
         if refusal:
             self._receiver.refused(complete.transfer_id, refusal)
             self._note(f"mission {name} by satellite refused: {refusal}")
+        elif waiting is not None and waiting.mission == complete.mission:
+            self._note(f"mission {name} by satellite waits for the next surfacing")
         else:
             self._receiver.applied(complete.transfer_id)
             self._note(f"mission {name} by satellite is on board")
 
     def _answers(self) -> frozenset[TransferAck | CommandAnswer]:
         """Return what the station asked for and waits to hear."""
-        return frozenset((*self._receiver.acks(), *self._receiver.answers()))
+        return frozenset((*self._acks(is_own=True), *self._receiver.answers()))
+
+    def _acks(self, *, is_own: bool = False) -> tuple[TransferAck, ...]:
+        """Return what to say of missions, first of the one that waits, whichever link brought it.
+
+        Args:
+            is_own: Whether only of those that satellite brought.
+        """
+        acks, waiting = self._receiver.acks(), self._link.waiting_plan
+        if waiting is None:
+            return acks
+        try:
+            blob = Blob.of(waiting.mission)
+            said = waiting_ack(blob.transfer_id, len(sizes(blob)), starts=waiting.starts)
+        except ValueError:  # too long for satellite, so it came by radio, which tells it
+            return acks
+        others = tuple(ack for ack in acks if ack.transfer_id != said.transfer_id)
+        return (said, *others) if len(others) < len(acks) or not is_own else acks
 
     @property
     def _has_news(self) -> bool:
@@ -324,7 +376,7 @@ class SatelliteTalk:
     def _record(self, *, is_full: bool) -> bytes:
         return self._records.record(
             self._receiver.next_counter(),
-            self._receiver.acks(),
+            self._acks(),
             self._receiver.answers(),
             self._settings.record_bytes,
             is_full=is_full,

@@ -50,6 +50,8 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return channel_page.channel_page(message, robot, received_at)
         case grace.MAVLink_grace_plan_report_message():
             return telemetry.plan_report(message, robot, received_at)
+        case grace.MAVLink_grace_plan_queue_message():
+            return telemetry.plan_queue(message, robot, received_at)
         case grace.MAVLink_grace_track_message():
             return target.target_report(message, robot, received_at)
         case grace.MAVLink_grace_current_message():

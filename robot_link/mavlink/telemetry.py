@@ -13,6 +13,7 @@ from robot_link.messages import (
     LogId,
     OnboardPlanState,
     PlanHash,
+    PlanQueue,
     PlanReport,
     RobotId,
     RobotMode,
@@ -223,6 +224,43 @@ def plan_report(
         legs=message.legs,
         energy_used=message.energy_used,
         reason=message.reason,
+        measured_at=moment(message.time_utc_us),
+        received_at=received_at,
+    )
+
+
+def plan_queue_message(queue: PlanQueue) -> grace.MAVLink_grace_plan_queue_message:
+    """Encode what the robot says of the plans beside the one on board."""
+    return grace.MAVLink_grace_plan_queue_message(
+        time_utc_us=microseconds(queue.measured_at),
+        sha256=hash_octets(queue.sha256),
+        next_sha256=hash_octets(queue.next_sha256),
+        last_sha256=hash_octets(queue.last_sha256),
+        next_starts=int(queue.next_starts),
+        last_done=int(queue.last_done),
+    )
+
+
+def plan_queue(
+    message: grace.MAVLink_grace_plan_queue_message, robot: RobotId, received_at: datetime
+) -> PlanQueue:
+    """Decode what a robot says of the plans beside the one on board.
+
+    Raises:
+        ValueError: If a flag or the time is impossible, or one plan has two places.
+    """
+    if max(message.next_starts, message.last_done) > 1:
+        raise ValueError("a flag of a plan queue is 0 or 1")
+    sha256, following = plan_hash(message.sha256), plan_hash(message.next_sha256)
+    if following is not None and following == sha256:
+        raise ValueError("a plan cannot wait behind itself")
+    return PlanQueue(
+        robot=robot,
+        sha256=sha256,
+        next_sha256=following,
+        next_starts=bool(message.next_starts),
+        last_sha256=plan_hash(message.last_sha256),
+        last_done=bool(message.last_done),
         measured_at=moment(message.time_utc_us),
         received_at=received_at,
     )

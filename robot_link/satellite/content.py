@@ -48,6 +48,10 @@ class Reason(IntEnum):
     TARGET_FASTER = 16
     LEFT_WATER = 17
     TARGET_SILENT = 18
+    NEXT_WAITS = 19
+    """Of a mission that came in whole: it waits behind the plan being flown, for START."""
+    NEXT_STARTS = 20
+    """Of such a mission: it begins at the next surfacing."""
 
     @property
     def sentence(self) -> str:
@@ -82,6 +86,8 @@ _WORDS = {
     Reason.TARGET_SILENT: ("no range of the target", "no range of the target was heard"),
     Reason.TARGET_FASTER: ("target is faster", "the target is faster than the robot may swim"),
     Reason.LEFT_WATER: ("left the water", "the robot left the water that it was to stay in"),
+    Reason.NEXT_WAITS: ("waits behind", "it waits behind the plan being flown, for START"),
+    Reason.NEXT_STARTS: ("begins at the next surfacing", "it begins at the next surfacing"),
     Reason.WITHDRAWN: (
         "withdrawn",
         "it was withdrawn, or the robot was told to surface after it was sent",
@@ -105,6 +111,23 @@ class TransferAck:
     sending: int | None = None
     """Of a last word: ``sending_of`` the counter that it answers, for the same mission may be sent
     again. None while receiving, and where any sending is meant."""
+
+
+def waiting_ack(transfer_id: TransferId, count: int, *, starts: bool) -> TransferAck:
+    """Return the word on a mission that came in whole and waits behind the plan being flown.
+
+    It is a word on one that is being received: a station that knows of no waiting plans takes it
+    for that, and hears of its end when it comes on board.
+    """
+    reason = Reason.NEXT_STARTS if starts else Reason.NEXT_WAITS
+    whole = frozenset(range(count))
+    return TransferAck(transfer_id, count, whole, TransferState.RECEIVING, reason)
+
+
+def is_waiting(ack: TransferAck) -> bool:
+    """Tell whether a word says that the mission waits behind the plan being flown."""
+    is_coming = ack.state is TransferState.RECEIVING
+    return is_coming and ack.reason in (Reason.NEXT_WAITS, Reason.NEXT_STARTS)
 
 
 def sending_of(counter: int) -> int:

@@ -216,12 +216,20 @@ class StationLink:
         reached = [one for one in self._roster if one.peer.path_on(transport) is not None]
         return list(dict.fromkeys(one.codec for one in reached)) or [self._codec]
 
-    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+    async def upload(
+        self, robot: RobotId, mission: Mission, *, may_wait: bool = False
+    ) -> UploadReport:
         """Put a mission on board; progress travels as ``UploadReport`` events.
 
+        Args:
+            robot: Which robot.
+            mission: What to put on board.
+            may_wait: Whether it may wait there behind a plan that is flown.
+
         Returns:
-            The last report: ON_BOARD after the robot echoed the hash, REFUSED with the robot's
-            reason, or FAILED when it did not answer. The same mission again is answered at once.
+            The last report: ON_BOARD after the robot echoed the hash, WAITING where it waits behind
+            another plan, REFUSED with the robot's reason, or FAILED when it did not answer. The
+            same mission again is answered at once.
 
         Raises:
             UploadUnderWayError: If another upload to this robot has not ended.
@@ -230,7 +238,7 @@ class StationLink:
         member = self._roster[robot]
         if member.upload is not None:
             raise UploadUnderWayError(f"another upload to {robot} has not ended")
-        member.upload = Upload(member.peer, mission, self._on_event)
+        member.upload = Upload(member.peer, mission, self._on_event, may_wait=may_wait)
         try:
             return await member.upload.run()
         finally:

@@ -11,6 +11,7 @@ from robot_link.mavlink.decode import Value, decoded, robot_time
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     OnboardPlanState,
+    PlanQueue,
     PlanReport,
     RawFrame,
     RobotMode,
@@ -36,6 +37,9 @@ from robot_link.transport.datagram import (
     Received,
     Stranger,
 )
+
+_OF_OFFERS = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED, OnboardPlanState.WAITING)
+"""Answers to offers, which say nothing of the plan on board."""
 
 
 class Reception:
@@ -149,7 +153,9 @@ class Reception:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
-            case TargetReport() | CurrentReport() | ActuatorReport() | ReceiverReport():
+            case (
+                PlanQueue() | TargetReport() | CurrentReport() | ActuatorReport() | ReceiverReport()
+            ):
                 self._on_event(value)
             case None:
                 pass
@@ -158,7 +164,7 @@ class Reception:
         """Tell what is on board; the fate of an offer is its upload's business alone."""
         if sender.upload is not None:
             sender.upload.hear(report)
-        if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
+        if report.state not in _OF_OFFERS:
             self._on_event(report)
 
 

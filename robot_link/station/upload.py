@@ -24,9 +24,15 @@ class Upload:
     """
 
     def __init__(
-        self, peer: Peer, mission: Mission, on_report: Callable[[UploadReport], None]
+        self,
+        peer: Peer,
+        mission: Mission,
+        on_report: Callable[[UploadReport], None],
+        *,
+        may_wait: bool = False,
     ) -> None:
         self._peer = peer
+        self._may_wait = may_wait
         self._items = mission_items(mission, peer.system)
         self._sha256 = mission.sha256()
         self._on_report = on_report
@@ -69,6 +75,7 @@ class Upload:
             items=len(self._items),
             target_system=self._peer.system,
             sha256=hash_octets(self._sha256),
+            may_wait=int(self._may_wait),
         )
         count = grace.MAVLink_mission_count_message(
             target_system=self._peer.system,
@@ -97,6 +104,9 @@ class Upload:
                 if message.state in (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING):
                     self._proved = len(self._items)
                     return self._tell(OnboardPlanState.ON_BOARD)
+                if message.state == OnboardPlanState.WAITING:
+                    self._proved = len(self._items)
+                    return self._tell(OnboardPlanState.WAITING)
                 if message.state == OnboardPlanState.REFUSED:
                     return self._tell(OnboardPlanState.REFUSED, message.reason)
         return None

@@ -9,12 +9,14 @@ from autonomy.vehicle.config import Vehicle
 from db.query.fleet.deployments import DeploymentRecord
 from db.query.fleet.robots import RobotRecord
 from db.query.measured.telemetry import TrackPoint
+from db.query.mission.plans import PlanRecord
 from robot_link.channel_table import Announcement
 from robot_link.clock import Clock
 from robot_link.messages import (
     LinkReport,
     LinkState,
     OnboardPlanState,
+    PlanQueue,
     PlanReport,
     Sample,
     StateReport,
@@ -64,6 +66,7 @@ class Memory:
     target_report: TargetReport | None
     current_report: CurrentReport | None = None
     actuator_report: ActuatorReport | None = None
+    plan_queue: PlanQueue | None = None
 
 
 class Fleet:
@@ -103,6 +106,7 @@ class Fleet:
         """Take what the database knows of a robot that was not heard since the station started."""
         status, state = self._statuses[robot], memory.state
         status.state, status.plan_report = state, memory.plan_report
+        status.plan_queue = memory.plan_queue
         status.target_report = memory.target_report
         status.current_report = memory.current_report
         status.actuator_report = memory.actuator_report
@@ -276,6 +280,11 @@ class Fleet:
             status.target_report = None
         self.touch(report.robot)
 
+    def take_plan_queue(self, queue: PlanQueue) -> None:
+        """Take what a robot says of the plan that waits behind the one on board."""
+        self._statuses[queue.robot].plan_queue = queue
+        self.touch(queue.robot)
+
     def take_vehicle(self, report: VehicleReport) -> None:
         """Take what a vehicle of another maker says of itself."""
         self._statuses[report.robot].vehicle_report = report
@@ -321,6 +330,13 @@ class Fleet:
         if status.surface_fault is not None:
             self.set_surface_fault(robot, status.surface_fault)
         self.touch(robot)
+
+    def set_next_plan(self, robot: str, plan: PlanRecord | None) -> None:
+        """Say which plan the robot is known to keep waiting."""
+        status = self._statuses[robot]
+        if status.next_plan != plan:
+            status.next_plan = plan
+            self.touch(robot)
 
     def set_mission(self, robot: str, mission_id: str | None) -> None:
         """Say which mission of a robot concerns the operator now."""

@@ -35,6 +35,7 @@ from server.fleet.view import (
     RobotView,
     StateView,
     SuggestionView,
+    WaitingPlanView,
 )
 from server.fleet.words import (
     IN_WORKSHOP,
@@ -43,6 +44,7 @@ from server.fleet.words import (
     onboard_plan_state,
     surface_forecast,
     vehicle_activity,
+    waiting_plan_text,
 )
 from server.vehicle.vehicles import Vehicles
 
@@ -104,6 +106,7 @@ class FleetViews:
             mode=None if status.state is None else status.state.mode.name.lower(),
             activity=self._activity(status),
             plan=self._onboard_plan(status),
+            waiting_plan=self._waiting_plan(status),
             link=self._link_view(status),
             links=link_views(status),
             clock_fault=None if status.clock_fault is None else status.clock_fault.text,
@@ -316,6 +319,27 @@ class FleetViews:
         report = status.current_report
         return (
             None if report is None else current_view(report, self._fleet.age_s(report.measured_at))
+        )
+
+    def _waiting_plan(self, status: RobotStatus) -> WaitingPlanView | None:
+        queue, known, hand = status.plan_queue, status.next_plan, status.plan
+        if queue is None or queue.next_sha256 is None:
+            return None
+        plan = known.id if known is not None and known.sha256 == queue.next_sha256 else None
+        flown = None
+        if hand is not None and hand.state == "running" and hand.record.sha256 == queue.sha256:
+            flown = hand.plan_id
+        at = None if flown is None else status.next_surfacing()
+        return WaitingPlanView(
+            plan_id=plan,
+            sha256=queue.next_sha256,
+            starts=queue.next_starts,
+            flown_plan_id=flown,
+            flown_sha256=queue.sha256,
+            at=at,
+            measured_at=queue.measured_at,
+            age_s=self._fleet.age_s(queue.measured_at),
+            text=waiting_plan_text(plan or "another plan", flown, at, starts=queue.next_starts),
         )
 
     def _onboard_plan(self, status: RobotStatus) -> OnboardPlanView | None:

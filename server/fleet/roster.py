@@ -13,7 +13,12 @@ from db.query.fleet.robots import RobotRecord, get_robot, list_robots
 from db.query.measured.actuator_reports import newest_actuator_report
 from db.query.measured.current_reports import newest_current_report
 from db.query.measured.samples import newest_readings, newest_samples
-from db.query.measured.telemetry import TrackPoint, newest_plan_report, newest_state
+from db.query.measured.telemetry import (
+    TrackPoint,
+    newest_plan_queue,
+    newest_plan_report,
+    newest_state,
+)
 from db.query.measured.telemetry import track as stored_track
 from db.query.mission.target_reports import newest_target_report
 from server.base.event_bus import EventLogged, SettingsChanged
@@ -118,6 +123,7 @@ def _memory(session: Session, robot: str, since: datetime, channels: ChannelCata
     return Memory(
         state=newest_state(session, robot),
         plan_report=newest_plan_report(session, robot),
+        plan_queue=newest_plan_queue(session, robot),
         samples=[
             sample
             for sample in newest_samples(session, robot)

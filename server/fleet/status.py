@@ -14,6 +14,7 @@ from robot_link.messages import (
     LinkReport,
     LinkState,
     OnboardPlanState,
+    PlanQueue,
     PlanReport,
     RobotMode,
     Sample,
@@ -127,6 +128,8 @@ class RobotStatus:
     track: Track
     state: StateReport | None = None
     plan_report: PlanReport | None = None
+    plan_queue: PlanQueue | None = None
+    """Newest word on the plan that waits on board; ``None`` of one in which none ever did."""
     target_report: TargetReport | None = None
     """Newest report on its target; ``None`` once it flies a plan that follows none."""
     current_report: CurrentReport | None = None
@@ -158,6 +161,8 @@ class RobotStatus:
     plan: PlanInHand | None = None
     driver: str = ""
     """Who drives it by hand; "" for nobody of this station."""
+    next_plan: PlanRecord | None = None
+    """What it keeps waiting behind the plan on board, by its own word."""
     mission_id: str | None = None
     deployment: DeploymentRecord | None = None
     """Which it is in now; ``None`` of a robot in the workshop, and of a recording."""
@@ -287,6 +292,15 @@ class RobotStatus:
             if leg.end_ned[2] <= SURFACE_DEPTH_M:
                 return report.measured_at + timedelta(seconds=remaining_s)
         return None
+
+    def begins_ne_m(self) -> tuple[float, float] | None:
+        """Return where a new plan would begin: at the next surfacing of what the robot flies."""
+        hand, leg_now = self.plan, self.leg_now
+        if hand is not None and leg_now is not None and hand.record.kind != FOLLOW_TARGET:
+            for leg in hand.legs[leg_now:]:
+                if leg.end_ned[2] <= SURFACE_DEPTH_M:
+                    return leg.end_ned[:2]
+        return None if self.state is None else self.state.position_ned[:2]
 
 
 def is_radio_carrier(carrier: str) -> bool:

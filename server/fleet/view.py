@@ -180,6 +180,27 @@ class OnboardPlanView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class WaitingPlanView(View):
+    """A plan that waits on board for the next surfacing, by the robot's own word."""
+
+    plan_id: str | None
+    """``null`` of a plan that this station does not know."""
+    sha256: str
+    starts: bool
+    """Whether it begins at the next surfacing; else it waits for *start*."""
+    flown_plan_id: str | None
+    """The plan that is flown until then; ``null`` where none is flown, or an unknown one."""
+    flown_sha256: str | None
+    at: datetime | None
+    """When the robot is expected to surface next; ``null`` where nobody knows."""
+    measured_at: datetime
+    """When the robot says that this became so."""
+    age_s: float
+    text: str
+    """One sentence."""
+
+
+@dataclass(frozen=True, slots=True)
 class StateView(View):
     """Newest value of everything that a robot reports."""
 
@@ -191,6 +212,8 @@ class StateView(View):
     activity: str
     """What the robot is doing, in words."""
     plan: OnboardPlanView | None
+    waiting_plan: WaitingPlanView | None
+    """The plan that waits on board behind that one; ``null`` where the robot says of none."""
     link: LinkView
     links: list[RobotLinkView]
     """Every link that the robot has; ``link`` is the best of them."""

@@ -213,6 +213,24 @@ def told_to(kind: CommandKind) -> str:
     return _TOLD.get(kind, f"to {kind.value}")
 
 
+def waiting_plan_text(plan: str, flown: str | None, at: datetime | None, *, starts: bool) -> str:
+    """Say what becomes of a plan that waits on board.
+
+    Args:
+        plan: Its name.
+        flown: The plan that is flown until then, where that is known.
+        at: When the robot is expected to surface next.
+        starts: Whether the plan begins then.
+    """
+    name = f"{plan[0].upper()}{plan[1:]}"
+    if not starts:
+        until = f"; {flown} is flown on" if flown is not None else ""
+        return f"{name} waits on board until it is started{until}."
+    when = "" if at is None else f", about {clock_time(at)}"
+    until = f"; {flown} is flown until then" if flown is not None else ""
+    return f"{name} waits on board for the next surfacing{when}{until}."
+
+
 def onboard_plan_state(state: OnboardPlanState) -> str:
     """Return the name of a plan's state on board, as REST says it."""
     return state.name.lower()

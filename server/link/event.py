@@ -7,7 +7,7 @@ once they are committed.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_link.messages import CommandReport, PlanReport, Sample, UploadReport
+from robot_link.messages import CommandReport, PlanQueue, PlanReport, Sample, UploadReport
 from robot_link.report import Detection, Reading, ReceiverReport, TargetReport
 
 
@@ -57,6 +57,13 @@ class PlanReported:
     """A robot said what becomes of the plan on board."""
 
     report: PlanReport
+
+
+@dataclass(frozen=True, slots=True)
+class PlanQueueReported:
+    """A robot said which plan waits behind the one on board, and how the one before ended."""
+
+    queue: PlanQueue
 
 
 @dataclass(frozen=True, slots=True)

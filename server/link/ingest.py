@@ -25,6 +25,7 @@ from robot_link.clock import Clock
 from robot_link.messages import (
     CommandReport,
     LinkReport,
+    PlanQueue,
     PlanReport,
     RawFrame,
     RobotId,
@@ -65,6 +66,7 @@ from server.link.channel_tables import ChannelTables
 from server.link.event import (
     CommandReported,
     DetectionsStored,
+    PlanQueueReported,
     PlanReported,
     ReadingsStored,
     ReceiverReported,
@@ -164,6 +166,8 @@ class Ingest:
                 self._take_version(event)
             case PlanReport():
                 self._take_plan_report(event, is_prompt=is_prompt)
+            case PlanQueue():
+                self._take_plan_queue(event)
             case LinkReport():
                 self._fleet.take_link(event)
             case TargetReport():
@@ -242,6 +246,13 @@ class Ingest:
             self._plans_told[report.robot] = max(newest, report.measured_at)
         self._fleet.take_plan_report(report)
         self._bus.publish(PlanReported(report))
+
+    def _take_plan_queue(self, queue: PlanQueue) -> None:
+        """Take a word on the waiting plan; whoever brings it leaves out what is overtaken."""
+        queue = self._clock_of(queue.robot).dated(queue)
+        self._append(queue)
+        self._fleet.take_plan_queue(queue)
+        self._bus.publish(PlanQueueReported(queue))
 
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
         if self._fleet.status(report.robot).record.is_foreign:

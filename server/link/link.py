@@ -17,7 +17,9 @@ from robot_link.station.drive_client import DriveClient
 class Radio(Protocol):
     """The part of ``robot_link.station.link.StationLink`` that services use; see there."""
 
-    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+    async def upload(
+        self, robot: RobotId, mission: Mission, *, may_wait: bool = False
+    ) -> UploadReport:
         """Put a mission on board; return the last report."""
         ...
 

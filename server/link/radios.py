@@ -169,7 +169,9 @@ class Radios:
                 self._expiry.set_due("", min(self._waiting.values(), default=None))
                 await self._expiry.next()
 
-    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+    async def upload(
+        self, robot: RobotId, mission: Mission, *, may_wait: bool = False
+    ) -> UploadReport:
         """Put a mission on board."""
         if robot not in self._robots:
             return UploadReport(
@@ -181,7 +183,7 @@ class Radios:
                 reason=f"{robot} has no link; give it one.",
                 at=self._clock.now(),
             )
-        return await self._link.upload(robot, mission)
+        return await self._link.upload(robot, mission, may_wait=may_wait)
 
     def cancel_upload(self, robot: RobotId, reason: str) -> None:
         """End an upload under way."""

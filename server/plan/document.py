@@ -338,7 +338,14 @@ def stage_of(plan: PlanRecord, progress: ProgressView | None) -> str | None:
 
 def ladder_view(plan: PlanRecord) -> LadderView:
     """Return when each state was proved."""
-    return LadderView(plan.draft_at, plan.sent_at, plan.on_board_at, plan.running_at, plan.ended_at)
+    return LadderView(
+        plan.draft_at,
+        plan.sent_at,
+        plan.on_board_at,
+        plan.running_at,
+        plan.ended_at,
+        plan.waiting_at,
+    )
 
 
 def report_of(plan: PlanRecord, report: PlanReport | None) -> PlanReport | None:

@@ -123,7 +123,7 @@ def outdated_by(status: RobotStatus, plan: PlanRecord, now: datetime) -> tuple[V
     found = outdated(
         legs_of(plan.document),
         PlannerConfig.model_validate(plan.config),
-        state.position_ned[:2],
+        status.begins_ne_m() or state.position_ned[:2],
         (now - plan.created_at).total_seconds(),
         status.record.site,
     )

@@ -2,15 +2,22 @@
 
 import math
 from bisect import bisect_right
+from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
 from db.query.measured.telemetry import flown_legs, newest_plan_report, track
-from db.query.mission.plans import PlanRecord, plan_by_hash
+from db.query.mission.plans import PlanRecord, PlanStateError, plan_by_hash
 from db.store import Store
-from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanHash, PlanReport
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    OnboardPlanState,
+    PlanHash,
+    PlanQueue,
+    PlanReport,
+)
 from server.base.retry_queue import RetryQueue
 from server.fleet.status import FOLLOW_TARGET
 from server.fleet.words import TEACHING
@@ -42,6 +49,7 @@ class PlanFollower:
         self._ledger = ledger
         self._queue = RetryQueue("plan reports")
         self._heard: dict[str, tuple[str | None, OnboardPlanState]] = {}
+        self._queues: dict[str, tuple[object, ...]] = {}
         self._flying: dict[str, PlanReport] = {}
         """The newest of each robot that said that it flies a plan."""
 
@@ -58,6 +66,48 @@ class PlanFollower:
             self._heard[report.robot] = news
             self._queue.add(lambda: self._follow(report))
         self._ledger.robot_said_more(report.robot)
+
+    def take_queue(self, queue: PlanQueue) -> None:
+        """Take what a robot says of the plans beside the one on board."""
+        news = (queue.sha256, queue.next_sha256, queue.next_starts, queue.last_sha256)
+        if self._queues.get(queue.robot) != news:
+            self._queues[queue.robot] = news
+            self._queue.add(lambda: self._follow_queue(queue))
+
+    async def _follow_queue(self, queue: PlanQueue) -> None:
+        await self._ended_before(queue)
+        following = queue.next_sha256
+        plan = None
+        if following is not None:
+            plan = await self._store.query(lambda s: plan_by_hash(s, queue.robot, following))
+        if plan is not None and leads_on(plan.state, PlanEvidence.ROBOT_KEEPS_IT):
+            text = f"{plan.id} waits on board of {plan.robot} for the next surfacing."
+            await self._ledger.advance(plan.id, PlanEvidence.ROBOT_KEEPS_IT, text)
+        for other in await self._ledger.of_robot(queue.robot, ("waiting",)):
+            came_later = other.waiting_at is not None and other.waiting_at > queue.received_at
+            is_named = other.sha256 in (queue.next_sha256, queue.sha256)
+            if not came_later and not is_named:
+                text = f"{other.robot} keeps {other.id} waiting no longer; it is a draft again."
+                await self._end(other, PlanEvidence.ROBOT_DROPPED_IT, text)
+        self._ledger.robot_said_more(queue.robot)
+
+    async def _ended_before(self, queue: PlanQueue) -> None:
+        """Take how the plan ended whose place the one on board took."""
+        last = queue.last_sha256
+        if last is None:
+            return
+        plan = await self._store.query(lambda s: plan_by_hash(s, queue.robot, last))
+        if plan is None:
+            return
+        if queue.last_done:
+            text = f"{plan.robot} {_completed(plan)} before it began the next."
+            await self._ledger.advance(plan.id, PlanEvidence.ROBOT_HAD_FLOWN_IT, text)
+            with suppress(PlanStateError):  # ended as superseded: this word was lost until now
+                message = {"message": text}
+                await self._ledger.note(plan.id, message, only_from=("superseded",))
+        else:
+            text = f"{plan.robot} ended {plan.id} at a surfacing and flies the plan that waited."
+            await self._end(plan, PlanEvidence.ROBOT_CHANGED_OVER, text)
 
     async def _follow(self, report: PlanReport) -> None:
         said = _evidence_of(report)

@@ -7,7 +7,7 @@ from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
-from server.link.event import PlanReported
+from server.link.event import PlanQueueReported, PlanReported
 from server.plan import route
 from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
@@ -42,6 +42,7 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(PlanSeen, show)
     bus.subscribe(RobotReported, lambda event: ledger.robot_changed(event.robot))
     bus.subscribe(PlanReported, lambda event: follower.take(event.report))
+    bus.subscribe(PlanQueueReported, lambda event: follower.take_queue(event.queue))
     lifetime = foundation.lifetime
     lifetime.on_load(ledger.load)
     lifetime.on_stop(planning.stop)

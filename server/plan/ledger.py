@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from db.query.mission import plans as query
-from db.query.mission.plans import PlanRecord, PlanStateError
+from db.query.mission.plans import ENDED_STATES, PlanRecord, PlanStateError
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet
@@ -66,6 +66,7 @@ class PlanLedger:
             )
             for plan in reversed(plans):
                 self._take_in_hand(plan)
+                self._note_next(plan)
                 self._bus.publish(PlanSeen(plan))
 
     def take(self, event: PlanChanged) -> None:
@@ -74,6 +75,19 @@ class PlanLedger:
         if plan.state != "planning":
             self._progress.pop(plan.id, None)
         self._take_in_hand(plan)
+        self._note_next(plan)
+
+    def _note_next(self, plan: PlanRecord) -> None:
+        """Keep which plan waits on board; it is in hand once nothing else is flown."""
+        status = self._fleet.status(plan.robot)
+        known = status.next_plan
+        if plan.state == "waiting":
+            self._fleet.set_next_plan(plan.robot, plan)
+        elif known is not None and known.id == plan.id:
+            self._fleet.set_next_plan(plan.robot, None)
+        waiting, hand = status.next_plan, status.plan
+        if waiting is not None and (hand is None or hand.state in ENDED_STATES):
+            self._fleet.set_plan(plan.robot, in_hand(waiting))
 
     async def add(
         self,
@@ -324,6 +338,9 @@ class PlanLedger:
 
     def _take_in_hand(self, plan: PlanRecord) -> None:
         hand = self._fleet.status(plan.robot).plan
+        flies_another = hand is not None and hand.state == "running" and hand.plan_id != plan.id
+        if flies_another and plan.state in ("sent", "waiting"):
+            return  # it comes behind the one that is flown
         if (
             hand is None
             or hand.plan_id == plan.id

@@ -1,24 +1,28 @@
 """The state of a plan: nothing moves it but what was proved of the plan, by this table.
 
-==============================  ===================  ==========  ===============
-state                           evidence             becomes     event
-==============================  ===================  ==========  ===============
-planning                        made                 draft       plan.draft
-planning                        not made             failed      plan.failed
-planning, draft                 cancelled            cancelled   plan.cancelled
-draft                           replaced             superseded  plan.superseded
-draft                           sent                 sent        plan.sent
-sent                            transfer ended       draft       plan.draft
-draft, sent                     confirmed            on_board    plan.on_board
-draft, sent                     robot has it         on_board    plan.on_board
-draft, sent, on_board           robot flies it       running     plan.running
-draft, sent, on_board, running  robot is done        done        plan.done
-draft, sent, on_board, running  robot gave up        failed      plan.failed
-draft, sent, on_board, running  robot surfaced       cancelled   plan.cancelled
-running                         robot restarted      failed      plan.failed
-on_board, running               robot holds another  superseded  plan.superseded
-on_board, running               robot holds none     failed      plan.failed
-==============================  ===================  ==========  ===============
+=======================================  ===================  ==========  ===============
+state                                    evidence             becomes     event
+=======================================  ===================  ==========  ===============
+planning                                 made                 draft       plan.draft
+planning                                 not made             failed      plan.failed
+planning, draft                          cancelled            cancelled   plan.cancelled
+draft                                    replaced             superseded  plan.superseded
+draft                                    sent                 sent        plan.sent
+sent                                     transfer ended       draft       plan.draft
+draft, sent                              robot keeps it       waiting     plan.waiting
+waiting                                  robot dropped it     draft       plan.draft
+draft, sent, waiting                     confirmed            on_board    plan.on_board
+draft, sent, waiting                     robot has it         on_board    plan.on_board
+draft, sent, waiting, on_board           robot flies it       running     plan.running
+draft, sent, waiting, on_board, running  robot is done        done        plan.done
+draft, sent, waiting, on_board, running  robot gave up        failed      plan.failed
+draft, sent, waiting, on_board, running  robot surfaced       cancelled   plan.cancelled
+running                                  robot restarted      failed      plan.failed
+running                                  robot changed over   superseded  plan.superseded
+running                                  robot had flown it   done        plan.done
+on_board, running                        robot holds another  superseded  plan.superseded
+on_board, running                        robot holds none     failed      plan.failed
+=======================================  ===================  ==========  ===============
 
 Evidence that a state does not list changes nothing: reports may be missed, but never lead back.
 Radio, satellite, robots' reports, planning and persons all hand theirs to ``apply``, which writes
@@ -39,7 +43,7 @@ from db.query.station.events import add_event
 from db.writer import tell_after_commit
 from server.base.transition_table import transitions
 
-ON_THE_WAY = ("sent", "on_board", "running")
+ON_THE_WAY = ("sent", "waiting", "on_board", "running")
 """States in which a plan has left the station and has not ended."""
 _LEVELS = {"failed": "warning", "superseded": "watch", "cancelled": "watch"}
 
@@ -60,6 +64,10 @@ class PlanEvidence(StrEnum):
     """Withdrawn, refused, expired or failed before anyone confirmed it on board."""
     CONFIRMED = "confirmed"
     """The robot echoed the hash at the end of an upload, or acknowledged it by satellite."""
+    ROBOT_KEEPS_IT = "robot keeps it"
+    """It named the hash of a plan that waits on board behind the one that it flies."""
+    ROBOT_DROPPED_IT = "robot dropped it"
+    """It names another plan that waits, or none."""
     ROBOT_HAS_IT = "robot has it"
     ROBOT_FLIES_IT = "robot flies it"
     ROBOT_IS_DONE = "robot is done"
@@ -68,6 +76,10 @@ class PlanEvidence(StrEnum):
     """It ended the plan because a person ordered it to the surface."""
     ROBOT_RESTARTED = "robot restarted"
     """It was switched off while it flew the plan, which waits on board again."""
+    ROBOT_CHANGED_OVER = "robot changed over"
+    """It ended the plan at a surfacing, for the one that waited."""
+    ROBOT_HAD_FLOWN_IT = "robot had flown it"
+    """It says so after it began the next: nobody heard it when it was done."""
     ROBOT_HOLDS_ANOTHER = "robot holds another"
     ROBOT_HOLDS_NONE = "robot holds none"
 

@@ -12,7 +12,7 @@ from server.fleet.routing import RequestedLink
 PlanState = Annotated[
     str,
     one_of(
-        "planning", "draft", "sent", "on_board", "running",
+        "planning", "draft", "sent", "waiting", "on_board", "running",
         "done", "failed", "superseded", "cancelled",
     ),
 ]  # fmt: skip
@@ -221,6 +221,8 @@ class LadderView(View):
     on_board_at: datetime | None
     running_at: datetime | None
     ended_at: datetime | None
+    waiting_at: datetime | None = None
+    """On board behind the plan being flown; ``null`` of one that never waited there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,10 +364,13 @@ class TransferView(View):
     plan_id: str
     state: Annotated[
         str,
-        one_of("waiting", "sending", "on_board", "running", "failed", "withdrawn", "superseded"),
-    ]
-    """``waiting``, ``sending``, ``on_board``, ``running``, ``failed``, ``withdrawn`` or
-    ``superseded``."""
+        one_of(
+            "waiting", "sending", "kept", "on_board", "running",
+            "failed", "withdrawn", "superseded",
+        ),
+    ]  # fmt: skip
+    """``waiting`` for a link, ``sending``, ``kept`` on board behind the plan being flown,
+    ``on_board``, ``running``, ``failed``, ``withdrawn`` or ``superseded``."""
     items_sent: int
     items: int
     bytes: int

@@ -28,6 +28,7 @@ from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
+    PlanQueue,
     PlanReport,
     RawFrame,
     Sample,
@@ -44,6 +45,7 @@ from robot_link.report import (
     SatelliteReport,
     TargetReport,
 )
+from robot_link.satellite.blob import TransferId
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
@@ -60,6 +62,7 @@ from server.fleet.plausibility import (
     fault_of_target,
 )
 from server.satellite.content import values_of
+from server.transfer.plan_row import plan_of_transfer
 
 TABLES: tuple[type[Base], ...] = (
     StateRow,
@@ -74,7 +77,7 @@ TABLES: tuple[type[Base], ...] = (
 _OWN_KEYS = {"robot_key", "channel_key", "log_key"}
 """Columns that mean nothing outside of their database."""
 _ROWS_AT_ONCE = 5000
-_NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
+_NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED, OnboardPlanState.WAITING)
 """What a robot says of an offer concerns its upload alone."""
 
 
@@ -98,6 +101,7 @@ class Replay:
         speed: Seconds of the robots' clock per second of the wall, as it was then.
         key: Returns the key by which a robot proves its satellite messages.
         find_plan: Returns the full hash of a robot's plan by its first digits.
+        find_transfer: Returns the hash of a robot's plan by the name of its transfer.
         channels: What the station knows to be measured.
     """
 
@@ -107,6 +111,7 @@ class Replay:
         speed: float,
         key: Callable[[str], bytes],
         find_plan: Callable[[str, str], PlanHash | None],
+        find_transfer: Callable[[str, TransferId], PlanHash | None],
         channels: ChannelCatalogue,
     ) -> None:
         self._robots = robots
@@ -114,6 +119,7 @@ class Replay:
         self._speed = speed
         self._key = key
         self._find_plan = find_plan
+        self._find_transfer = find_transfer
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         self._clocks: dict[str, ClockJudge] = {}
         self.packets = 0
@@ -179,6 +185,7 @@ class Replay:
             frame.arrived_at or frame.at,
             frame.at,
             lambda digits: self._find_plan(robot.id, digits),
+            lambda name: self._find_transfer(robot.id, name),
         )
 
     def _timed(self, value: RobotReport, *, is_prompt: bool) -> RobotReport:
@@ -205,7 +212,7 @@ class Replay:
                 return fault_of_detection(value, robot.site, frame.at, self._speed) is None
             case ReceiverReport():
                 return fault_of_receiver(value, frame.at, self._speed) is None
-            case PlanReport():
+            case PlanReport() | PlanQueue():
                 return True
 
 
@@ -235,7 +242,10 @@ def replay_into(source: Session, target: Store, speed: float, key: Callable[[str
         found = plan_by_hash(source, robot, digits)
         return None if found is None or found.sha256 is None else PlanHash(found.sha256)
 
-    replay = Replay(robots, speed, key, find_plan, catalogue_in(source))
+    def find_transfer(robot: str, name: TransferId) -> PlanHash | None:
+        return plan_of_transfer(source, robot, name, states=None)
+
+    replay = Replay(robots, speed, key, find_plan, find_transfer, catalogue_in(source))
     batch: list[Telemetry] = []
     for value in replay.values(iterate_frames(source, JournalRange(incoming_only=True))):
         batch.append(value)

@@ -4,10 +4,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId, SystemId
+from robot_link.messages import (
+    OnboardPlanState,
+    PlanHash,
+    PlanQueue,
+    PlanReport,
+    RobotId,
+    SystemId,
+)
 from robot_link.report import SatelliteReport
 from robot_link.robot_program import CommandOutcome
-from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
+from robot_link.satellite.blob import TransferId
+from robot_link.satellite.content import (
+    MobileOriginatedContent,
+    Reason,
+    ShortPlanReport,
+    TransferAck,
+    is_waiting,
+)
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.gateway import MobileOriginated
@@ -20,6 +34,8 @@ _OUTCOMES = {
 }
 FindPlan = Callable[[str], PlanHash | None]
 """Returns the full hash of a plan that the station knows by its first digits."""
+FindTransfer = Callable[[TransferId], PlanHash | None]
+"""Returns the hash of a plan that the station knows by the name of its transfer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +69,7 @@ def values_of(
     session_at: datetime,
     arrived_at: datetime,
     find_plan: FindPlan,
+    find_transfer: FindTransfer,
 ) -> Sequence[SatelliteReport]:
     """Return what a record tells, as radio would have told it.
 
@@ -62,13 +79,15 @@ def values_of(
         session_at: When it was said, by the satellite network's clock.
         arrived_at: When the station had it.
         find_plan: Finds plans by the digits that a record has room for.
+        find_transfer: Finds a plan that waits on board.
     """
     told: list[SatelliteReport] = []
     if content.state is not None:
         told.append(content.state)
     if content.plan is not None:
         said_at = session_at if content.state is None else content.state.measured_at
-        told.append(_plan_report(content.plan, robot, said_at, arrived_at, find_plan))
+        report = _plan_report(content.plan, robot, said_at, arrived_at, find_plan)
+        told += (report, _plan_queue(content, report, find_transfer))
     if content.target is not None:
         told.append(content.target)
     if content.current is not None:
@@ -103,6 +122,32 @@ def _plan_report(
     )
 
 
+def _plan_queue(
+    content: MobileOriginatedContent, report: PlanReport, find_transfer: FindTransfer
+) -> PlanQueue:
+    """Return which plan waits; a record that names none says that none does.
+
+    It has no room for the plan before. A stranger's plan keeps the digits of its transfer.
+    """
+    waiting = next((ack for ack in content.acks if is_waiting(ack)), None)
+    name = None if waiting is None else waiting.transfer_id
+    unknown = None if name is None else PlanHash(f"{name:08x}")
+    return PlanQueue(
+        robot=report.robot,
+        sha256=report.sha256,
+        next_sha256=None if name is None else find_transfer(name) or unknown,
+        next_starts=waiting is not None and waiting.reason is Reason.NEXT_STARTS,
+        last_sha256=None,
+        last_done=False,
+        measured_at=report.measured_at,
+        received_at=report.received_at,
+    )
+
+
+def _transfer_word(ack: TransferAck) -> str:
+    return ack.reason.sentence if is_waiting(ack) else ack.state.name.lower()
+
+
 def _summary(content: MobileOriginatedContent) -> str:
     parts: list[str] = []
     if content.state is not None:
@@ -116,7 +161,7 @@ def _summary(content: MobileOriginatedContent) -> str:
     if content.target is not None:
         parts.append(f"target {content.target.phase.name.lower()}")
     parts.extend(
-        f"transfer {ack.transfer_id:08x} {ack.state.name.lower()}, "
+        f"transfer {ack.transfer_id:08x} {_transfer_word(ack)}, "
         f"{len(ack.received)} of {ack.count} parts"
         for ack in content.acks
     )

@@ -99,7 +99,7 @@ class Inbox:
         """Return what a stored message tells."""
         reading = _read(record.message, modem, key)
         return await self._store.query(
-            lambda session: _values(session, record.message, modem, reading)
+            lambda session: _values(session, self._kinds, record.message, modem, reading)
         )
 
 
@@ -132,7 +132,7 @@ def _keep(
         query.settle_inbox(session, record.id, message.arrived_at)
         return Arrival(is_new=True, reading=reading, changed=(), values=())
     changed = _prove(session, kinds, message, modem, reading)
-    values = _values(session, message, modem, reading)
+    values = _values(session, kinds, message, modem, reading)
     return Arrival(is_new=True, reading=reading, changed=tuple(changed), values=values)
 
 
@@ -179,12 +179,19 @@ def _prove(
 
 
 def _values(
-    session: Session, message: MobileOriginated, modem: Modem, reading: Reading
+    session: Session, kinds: RowKinds, message: MobileOriginated, modem: Modem, reading: Reading
 ) -> Sequence[SatelliteReport]:
     if reading.content is None:
         return ()
     find: FindPlan = lambda digits: _plan(session, modem, digits)  # noqa: E731 - names its type
-    return values_of(reading.content, modem.robot, message.session_at, message.arrived_at, find)
+    return values_of(
+        reading.content,
+        modem.robot,
+        message.session_at,
+        message.arrived_at,
+        find,
+        lambda name: kinds.plan_of(session, modem.robot, name),
+    )
 
 
 def _plan(session: Session, modem: Modem, digits: str) -> PlanHash | None:

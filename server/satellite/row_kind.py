@@ -13,6 +13,8 @@ from sqlalchemy.orm import Session
 
 from db.query.satellite.outbox import OutboxRecord
 from db.query.satellite.satellite_messages import SatelliteMessage
+from robot_link.messages import PlanHash
+from robot_link.satellite.blob import TransferId
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.content import CommandAnswer, ShortPlanReport, TransferAck
 from server.satellite.ending import end_row
@@ -118,6 +120,10 @@ class RowKind(ABC):
         """Tell whether the robot need not repeat its word on a row."""
         return row.ended_at is not None
 
+    def plan_of(self, session: Session, robot: str, transfer_id: TransferId) -> PlanHash | None:
+        """Return the hash of the plan that a robot calls by this name, ``None`` if none is."""
+        del session, robot, transfer_id
+
     def fault_of(self, row: OutboxRecord) -> str:
         """Return what the operator calls a row that was refused or expired; "" to say nothing."""
         del row
@@ -141,6 +147,11 @@ class RowKinds:
             KeyError: If nobody registered it.
         """
         return self._kinds[row.kind]
+
+    def plan_of(self, session: Session, robot: str, transfer_id: TransferId) -> PlanHash | None:
+        """Return the hash of the plan that a robot calls by this name, ``None`` if none is."""
+        found = (kind.plan_of(session, robot, transfer_id) for kind in self._kinds.values())
+        return next((one for one in found if one is not None), None)
 
     @property
     def names(self) -> Sequence[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from db.query.satellite.outbox import OutboxRecord
-from robot_link.messages import PlanReport
+from robot_link.messages import PlanQueue, PlanReport
 from robot_link.report import SatelliteReport
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from server.base.event_bus import SettingsChanged
@@ -281,11 +281,13 @@ class Satellite:
 
     def _pass_on(self, message: MobileOriginated, values: Sequence[SatelliteReport]) -> None:
         """Pass on what a message tells, but not a word on the plan that came after a newer one."""
-        kept: list[SatelliteReport] = [one for one in values if not isinstance(one, PlanReport)]
+        words = PlanReport | PlanQueue
+        kept: list[SatelliteReport] = [one for one in values if not isinstance(one, words)]
         for report in values:
             if isinstance(report, PlanReport) and self._is_newest(report, message.session_at):
                 self._plan_said[report.robot] = (report.received_at, message.session_at)
                 kept.append(report)
+                kept += (one for one in values if isinstance(one, PlanQueue))
         self._queue.add(lambda: self.inbox.settle(message, kept))
 
     def _is_newest(self, report: PlanReport, session_at: datetime) -> bool:

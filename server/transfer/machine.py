@@ -120,6 +120,8 @@ class TransferMachine:
         self._on_change = on_change
         self._may_leave_radio = is_new
         """Whether satellite may be taken at once: whoever sent it was told which link that is."""
+        self._is_kept = False
+        """Whether the robot answered the upload that the plan waits behind the one it flies."""
         self._on_the_air = asyncio.Event()
         self._news = asyncio.Event()
         self._levels: dict[str, str] = {}
@@ -183,11 +185,11 @@ class TransferMachine:
         mission, reason, attempts = mission_of(plan), "", 0
         while attempts < _ATTEMPTS:
             link = await self._link(plan)
-            if self._holds(plan) or (link == "satellite" and await self._by_satellite(plan)):
+            if self._has_come(plan) or (link == "satellite" and await self._by_satellite(plan)):
                 break
             if link == "satellite":
                 continue
-            if attempts and await self._until(lambda: self._holds(plan), _PAUSE_S):
+            if attempts and await self._until(lambda: self._has_come(plan), _PAUSE_S):
                 break
             attempts += 1
             reason = await self._send(plan, mission)
@@ -196,18 +198,18 @@ class TransferMachine:
                 break
         else:
             raise TransferError(reason)
-        await self._move(
-            TransferEvidence.ROBOT_HAS_IT,
-            f"{plan.robot} has {plan.id} on board.",
-            level=CommandLevel.APPLIED.value,
-            items_sent=self.transfer.items,
-        )
+        proved, text = TransferEvidence.ROBOT_HAS_IT, f"{plan.robot} has {plan.id} on board."
+        if not self._holds(plan) and (self._is_kept or self._keeps(plan)):
+            proved = TransferEvidence.ROBOT_KEEPS_IT
+            text = f"{plan.id} waits on board of {plan.robot} for the next surfacing."
+        level, items = CommandLevel.APPLIED.value, self.transfer.items
+        await self._move(proved, text, level=level, items_sent=items)
 
     async def _link(self, plan: PlanRecord) -> LinkKind:
         """Wait for a link to the robot, or for its word that it has the plan; return which."""
         transfer, loop = self.transfer, asyncio.get_running_loop()
         patient_until, deadline = loop.time() + _RADIO_PATIENCE_S, transfer.started_at + RADIO_LIFE
-        while not self._holds(plan):
+        while not self._has_come(plan):
             links = self._satellite.choice(plan.robot, "plan", _requested(transfer)).links
             patience_s = patient_until - loop.time()
             if "satellite" in links:
@@ -228,7 +230,7 @@ class TransferMachine:
             await self._wait(_PAUSE_S)
             return False
         level, noted, carrier = "", False, row.carrier
-        while not (row.state == "applied" or self._holds(plan)):
+        while not (row.state == "applied" or self._has_come(plan)):
             if not noted and any(part.sends for part in plan_row.ground_of(row).parts):
                 await until_stored(self.transfer.id, lambda: self._note_sending(plan, carrier))
                 noted = True
@@ -271,7 +273,9 @@ class TransferMachine:
         self._on_the_air.clear()
         radio = self._fleet.status(plan.robot).radio
         carrier = "" if radio is None else radio.carrier
-        upload = asyncio.ensure_future(self._radio.upload(RobotId(plan.robot), mission))
+        upload = asyncio.ensure_future(
+            self._radio.upload(RobotId(plan.robot), mission, may_wait=True)
+        )
         on_the_air = asyncio.ensure_future(self._on_the_air.wait())
         try:
             await asyncio.wait({upload, on_the_air}, return_when=asyncio.FIRST_COMPLETED)
@@ -286,7 +290,9 @@ class TransferMachine:
             await asyncio.gather(upload, on_the_air, return_exceptions=True)
         if report.state is OnboardPlanState.REFUSED:
             raise TransferError(f"{plan.robot} refused {plan.id}: {report.reason}")
-        return "" if report.state in plan_row.HOLDS else report.reason or "the robot did not answer"
+        self._is_kept = report.state is OnboardPlanState.WAITING
+        has_come = self._is_kept or report.state in plan_row.HOLDS
+        return "" if has_come else report.reason or "the robot did not answer"
 
     async def _note_sending(self, plan: PlanRecord, carrier: str) -> None:
         """Write down that a radio or a gateway has taken the first bytes."""
@@ -317,7 +323,8 @@ class TransferMachine:
                 break
         else:
             raise TransferError(f"{plan.robot} has {plan.id} on board but does not start it.")
-        await self._move(TransferEvidence.ROBOT_FLIES_IT, "")
+        if not self._starts_later(plan):
+            await self._move(TransferEvidence.ROBOT_FLIES_IT, "")
 
     async def _starts_by_itself(self, plan: PlanRecord) -> None:
         """Wait for a robot that was told to start with the plan itself, as satellite does.
@@ -402,9 +409,23 @@ class TransferMachine:
         report = self._report_of(plan)
         return report is not None and report.state in plan_row.HOLDS
 
+    def _keeps(self, plan: PlanRecord) -> bool:
+        """Tell whether the robot says that the plan waits behind the one on board."""
+        queue = self._fleet.status(plan.robot).plan_queue
+        return queue is not None and plan.sha256 is not None and queue.next_sha256 == plan.sha256
+
+    def _has_come(self, plan: PlanRecord) -> bool:
+        return self._holds(plan) or self._keeps(plan)
+
+    def _starts_later(self, plan: PlanRecord) -> bool:
+        """Tell whether the robot says that it begins the plan at the next surfacing."""
+        queue = self._fleet.status(plan.robot).plan_queue
+        return self._keeps(plan) and queue is not None and queue.next_starts
+
     def _has_begun(self, plan: PlanRecord) -> bool:
+        """Tell whether the robot flies the plan by its own word, or will at the next surfacing."""
         report = self._report_of(plan)
-        return report is not None and report.state in BEGUN
+        return self._starts_later(plan) or (report is not None and report.state in BEGUN)
 
     async def _note(self, **changes: object) -> None:
         await self._store.write(lambda session: note(session, self.transfer.id, **changes))

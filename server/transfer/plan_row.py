@@ -6,13 +6,13 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query.mission.plans import PlanRecord, get_plan
+from db.query.mission.plans import PlanRecord, get_plan, list_plans
 from db.query.mission.transfers import TransferRecord
 from db.query.satellite import outbox as query
 from db.query.satellite.outbox import CREATED, OutboxRecord
 from db.query.satellite.satellite_messages import SatelliteMessage
-from robot_link.messages import OnboardPlanState
-from robot_link.satellite.blob import Blob
+from robot_link.messages import OnboardPlanState, PlanHash
+from robot_link.satellite.blob import Blob, TransferId
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import TransferAck, TransferState
 from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
@@ -23,6 +23,9 @@ from server.satellite.row_kind import Means, RobotSession, RowKind
 
 HOLDS: Final = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
 PLAN_DIGITS: Final = 16
+_MAY_WAIT: Final = ("draft", "sent", "waiting")
+_LOOKED_AT: Final = 20
+"""Newest plans of a robot among which one that waits is looked for."""
 _ENDS: Final = {
     GroundState.APPLIED: "applied",
     GroundState.REFUSED: "refused",
@@ -179,9 +182,43 @@ class PlanRows(RowKind):
         never_left = row.level == CREATED and not any(part["sends"] for part in transfer["parts"])
         return row.state == "applied" or never_left or transfer["is_told"]
 
+    def plan_of(self, session: Session, robot: str, transfer_id: TransferId) -> PlanHash | None:
+        """Return the hash of the plan on its way to a robot that has this name."""
+        return plan_of_transfer(session, robot, transfer_id, states=_MAY_WAIT)
+
     def fault_of(self, row: OutboxRecord) -> str:
         """Return what the operator calls it."""
         return row.document["plan"]
+
+
+def plan_of_transfer(
+    session: Session, robot: str, transfer_id: TransferId, *, states: tuple[str, ...] | None
+) -> PlanHash | None:
+    """Return the hash of the newest plan of a robot whose transfer has this name.
+
+    Args:
+        session: Where to read.
+        robot: Whose plan.
+        transfer_id: Its name.
+        states: States that the plan may be in; ``None`` for any.
+    """
+    for plan in list_plans(session, robot=robot, states=states, limit=_LOOKED_AT):
+        if plan.sha256 is None:
+            continue
+        try:
+            is_it = Blob.of(mission_of(plan)).transfer_id == transfer_id
+        except ValueError:  # too long for satellite
+            continue
+        if is_it:
+            return PlanHash(plan.sha256)
+    return None
+
+
+def end_kept(session: Session, transfer: str, at: datetime) -> None:
+    """End the row of a transfer whose plan the robot keeps waiting: it has every part."""
+    row = query.outbox_of_transfer(session, transfer)
+    if row is not None and row.ended_at is None:
+        keep(session, row, ground_of(row).heard(_echo(ground_of(row)), at), at)
 
 
 def with_words(ground: GroundTransfer, said: RobotSession) -> GroundTransfer:

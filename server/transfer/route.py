@@ -66,7 +66,8 @@ async def upload_plan(
 ) -> TransferIdView:
     """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
 
-    The robot's old plan stays until the new one is whole and proved by its hash.
+    The robot's old plan stays until the new one is whole and proved by its hash. While one is
+    flown, the new one waits on board behind it; with `start` it begins at the next surfacing.
     """
     del caller
     wanted = body or UploadRequest()
@@ -75,6 +76,7 @@ async def upload_plan(
         start=wanted.start,
         confirmed=wanted.confirmed,
         request=LinkRequest(wanted.route, wanted.force),
+        may_wait=True,
     )
     return TransferIdView(transfer)
 

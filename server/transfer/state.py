@@ -1,22 +1,24 @@
 """The state of a transfer: nothing moves it but what was proved of it, by this table.
 
-======================================  ===============  ==========  ==========
-state                                   evidence         becomes     and
-======================================  ===============  ==========  ==========
-waiting, sending, on_board              first bytes      sending     goes on
-waiting, sending                        robot has it     on_board    goes on
-on_board                                robot flies it   running     goes on
-on_board                                finished         on_board    ends
-running                                 finished         running     ends
-waiting, sending, on_board, running     failed           failed      ends
-waiting, sending, on_board, running     withdrawn        withdrawn   ends
-waiting, sending, on_board, running     superseded       superseded  ends
-======================================  ===============  ==========  ==========
+=========================================  ==============  ==========  =======
+state                                      evidence        becomes     and
+=========================================  ==============  ==========  =======
+waiting, sending, kept, on_board           first bytes     sending     goes on
+waiting, sending                           robot keeps it  kept        goes on
+waiting, sending, kept                     robot has it    on_board    goes on
+kept, on_board                             robot flies it  running     goes on
+kept                                       finished        kept        ends
+on_board                                   finished        on_board    ends
+running                                    finished        running     ends
+waiting, sending, kept, on_board, running  failed          failed      ends
+waiting, sending, kept, on_board, running  withdrawn       withdrawn   ends
+waiting, sending, kept, on_board, running  superseded      superseded  ends
+=========================================  ==============  ==========  =======
 
 One that has ended takes no evidence. What is proved of a transfer is proved of its plan too, in the
-same transaction: ``first bytes`` sends it, ``robot has it`` confirms it on board, and an end before
-that makes it a draft again (``server.plan.state``). What is still to be sent by satellite ends with
-the transfer.
+same transaction: ``first bytes`` sends it, ``robot keeps it`` has it wait on board behind the plan
+being flown, ``robot has it`` confirms it on board, and an end before that makes it a draft again
+(``server.plan.state``). What is still to be sent by satellite ends with the transfer.
 """
 
 from dataclasses import dataclass
@@ -46,6 +48,8 @@ class TransferEvidence(StrEnum):
 
     FIRST_BYTES = "first bytes"
     """A radio or a gateway took the first bytes."""
+    ROBOT_KEEPS_IT = "robot keeps it"
+    """The robot named its hash as the one that waits behind the plan that it flies."""
     ROBOT_HAS_IT = "robot has it"
     """The robot echoed the hash, by whichever link."""
     ROBOT_FLIES_IT = "robot flies it"
@@ -59,6 +63,7 @@ class TransferEvidence(StrEnum):
 TRANSITIONS = transitions(__doc__, TransferEvidence)
 _OF_PLAN = {
     TransferEvidence.FIRST_BYTES: PlanEvidence.SENT,
+    TransferEvidence.ROBOT_KEEPS_IT: PlanEvidence.ROBOT_KEEPS_IT,
     TransferEvidence.ROBOT_HAS_IT: PlanEvidence.CONFIRMED,
 }
 
@@ -131,6 +136,8 @@ def apply(
     proved = _OF_PLAN.get(evidence)
     if proved is not None and leads_on(get_plan(session, before.plan).state, proved):
         plan_state.apply(session, before.plan, proved, text, at)
+    if evidence is TransferEvidence.ROBOT_KEEPS_IT:
+        plan_row.end_kept(session, transfer, at)
 
 
 def withdraw_for(session: Session, event: SurfaceOrdered) -> None:

@@ -41,6 +41,8 @@ from server.transfer.state import (
 from server.transfer.view import transfer_of_plan, transfer_view
 from server.transfer.withdrawal_row import WithdrawalRows, begin_withdrawal
 
+_SENDABLE = (*SENDABLE, "waiting")
+"""One that waits on board is only started."""
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""
 _NOTICE_S = 2.0
@@ -156,6 +158,7 @@ class Transfers:
         check: Check | None = None,
         confirmed: bool = False,
         request: LinkRequest = ANY_LINK,
+        may_wait: bool = False,
     ) -> str:
         """Begin to bring a plan on board and return the transfer's id.
 
@@ -169,6 +172,8 @@ class Transfers:
             confirmed: Whether a person wants it flown although it no longer fits the robot, or its
                 dry run broke off.
             request: The link that it is to take, and whether a person insists on it.
+            may_wait: Whether it may wait on board behind a plan that the robot flies; else it is
+                refused while one is flown.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -180,6 +185,8 @@ class Transfers:
             under_way = await self._under_way(record, start=start, request=request)
             if under_way is not None:
                 return under_way
+            running = await self._ledger.of_robot(record.robot, ("running",))
+            _check_sendable(record, [] if may_wait else running)
             return await self._new_transfer(
                 record, start, check, confirmed=confirmed, request=request
             )
@@ -267,7 +274,6 @@ class Transfers:
         confirmed: bool,
         request: LinkRequest,
     ) -> str:
-        _check_sendable(record, await self._ledger.of_robot(record.robot, ("running",)))
         if not confirmed:
             self._check_fits(record)
         self._check_link(record, request)
@@ -277,7 +283,7 @@ class Transfers:
         def write(session: Session) -> TransferRecord:
             if check is not None:
                 check(session)
-            if get_plan(session, record.id).state not in SENDABLE:
+            if get_plan(session, record.id).state not in _SENDABLE:
                 raise conflict(f"{record.id} was changed meanwhile; look at it again.")
             transfer = query.add_transfer(
                 session,
@@ -406,7 +412,7 @@ def _check_sendable(
         running: What its robot flies.
         is_resent: Whether it is on its way already, by a link that it shall leave.
     """
-    if plan.state not in SENDABLE and not (is_resent and plan.state == "sent"):
+    if plan.state not in _SENDABLE and not (is_resent and plan.state == "sent"):
         raise conflict(
             f"{plan.id} is {plan.state.replace('_', ' ')}; only a draft can be sent. Plan again."
         )

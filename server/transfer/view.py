@@ -99,7 +99,7 @@ def _part(part: Part, cost: int) -> TransferPartView:
 def _text(
     record: TransferRecord, row: OutboxRecord | None, waiting: str, called_back: str = ""
 ) -> str:
-    if record.ended_at is not None or record.state in ("on_board", "running"):
+    if record.ended_at is not None or record.state in ("kept", "on_board", "running"):
         return f"{_end(record)} {called_back}".strip()
     if row is None or row.state == "held":
         if record.state == "waiting" and record.route != "radio":
@@ -122,6 +122,8 @@ def _text(
 
 def _end(record: TransferRecord) -> str:
     match record.state:
+        case "kept":
+            return f"{record.robot} has it on board, where it waits for the next surfacing."
         case "on_board":
             return f"{record.robot} has it on board."
         case "running":

@@ -14,7 +14,7 @@ import pytest
 from autonomy.planner.leg import primitive
 from onboard.link.channel_announcer import TableInForce
 from onboard.link.plan_desk import PlanOnBoard
-from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.plan_store import MemoryPlanStore, WaitingPlan
 from onboard.node.satellite import SatelliteClient
 from onboard.satellite.policy import CallLimits
 from onboard.satellite.receiver import MemoryStore, Receiver
@@ -90,6 +90,8 @@ class Link:
     plans: MemoryPlanStore = field(default_factory=MemoryPlanStore)
     flown: set[str] = field(default_factory=set)
     channels: Channels = field(default_factory=Channels)
+    is_flying: bool = False
+    waiting_plan: WaitingPlan | None = None
 
     @property
     def plan_hash(self):
@@ -98,8 +100,11 @@ class Link:
     def plan_report(self) -> PlanOnBoard:
         return self.plan
 
-    def take_mission(self, taken: Mission, *, start: bool) -> str:
+    def take_mission(self, taken: Mission, *, start: bool, may_wait: bool = False) -> str:
         self.taken.append((taken.sha256(), start))
+        if may_wait and self.is_flying:
+            self.waiting_plan = WaitingPlan(taken, starts=start)
+            return ""
         if not self.refusal:
             self.plans.replace(taken)
             state = OnboardPlanState.RUNNING if start else OnboardPlanState.ON_BOARD

@@ -72,12 +72,21 @@ class Program:
     taken: list[Mission] = field(default_factory=list)
     sticks: list[Stick] = field(default_factory=list)
     is_driven: bool = False
+    switched: list[Mission] = field(default_factory=list)
+    is_flying: bool = False
 
     def plan_refusal(self) -> str:
         return self.refusal
 
     def take_plan(self, mission: Mission) -> None:
         self.taken.append(mission)
+
+    def switch_refusal(self, mission: Mission) -> str:
+        del mission
+        return ""
+
+    def switch_plan(self, mission: Mission) -> None:
+        self.switched.append(mission)
 
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         self.obeyed.append((kind, plan_digits))

@@ -24,6 +24,7 @@ from robot_link.messages import (
     LogId,
     OnboardPlanState,
     PlanHash,
+    PlanQueue,
     PlanReport,
     RawFrame,
     RobotId,
@@ -95,6 +96,10 @@ class FakeRobot:
         self.reason = ""
         self.overspends = 0.0
         self.sequence = 0
+        self.next: Mission | None = None
+        self.next_starts = False
+        self.last: tuple[PlanHash, bool] | None = None
+        """The plan before, once the one that waited took its place."""
         self.may_fly = asyncio.Event()
         self.may_fly.set()
         self.may_end = asyncio.Event()
@@ -118,6 +123,38 @@ class FakeRobot:
                 received_at=at,
             )
         )
+
+    def say_queue(self) -> None:
+        """Say which plan waits behind the one on board."""
+        at = datetime.now(UTC)
+        last, is_done = self.last or (None, False)
+        self.tell(
+            PlanQueue(
+                robot=self.id,
+                sha256=None if self.plan is None else self.plan.sha256(),
+                next_sha256=None if self.next is None else self.next.sha256(),
+                next_starts=self.next_starts,
+                last_sha256=last,
+                last_done=is_done,
+                measured_at=at,
+                received_at=at,
+            )
+        )
+
+    def keep(self, mission: Mission | None, *, starts: bool = False) -> None:
+        """Let a plan wait, or none."""
+        self.next, self.next_starts = mission, starts
+        self.say_queue()
+
+    def change_over(self, *, is_done: bool = False) -> None:
+        """Begin the plan that waits, at a surfacing."""
+        assert self.plan is not None
+        assert self.next is not None
+        self.last = (self.plan.sha256(), is_done)
+        self.plan, self.next, self.next_starts = self.next, None, False
+        self.leg, self.energy_used, self.reason = 0, 0.0, ""
+        self.say_queue()
+        self.say(OnboardPlanState.RUNNING)
 
     def take(self, mission: Mission) -> None:
         self.plan, self.leg, self.energy_used, self.reason = mission, 0, 0.0, ""
@@ -282,7 +319,9 @@ class FakeLink:
     ) -> bytes:
         raise ServiceRefusedError(f"{robot} has no file {path}")
 
-    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+    async def upload(
+        self, robot: RobotId, mission: Mission, *, may_wait: bool = False
+    ) -> UploadReport:
         self.world.uploads.append((robot, mission.sha256()))
         fake = self.world.robots[robot]
         report = UploadReport(
@@ -295,6 +334,9 @@ class FakeLink:
             return replace(
                 report, state=self.world.refuse_upload, reason="the robot did not answer"
             )
+        if may_wait and fake.state is OnboardPlanState.RUNNING:
+            fake.keep(mission)
+            return replace(report, state=OnboardPlanState.WAITING, items_sent=len(mission.legs))
         fake.take(mission)
         return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
 
@@ -319,7 +361,11 @@ class FakeLink:
         self.level(robot, number, CommandLevel.RADIO)
         self.level(robot, number, CommandLevel.APPLIED)
         fake = self.world.robots[robot]
-        if kind is CommandKind.START and fake.state is OnboardPlanState.ON_BOARD:
+        if kind is CommandKind.SURFACE and fake.next is not None:
+            fake.keep(None)
+        if kind is CommandKind.START and fake.next is not None and fake.next.sha256() == plan:
+            fake.keep(fake.next, starts=True)
+        elif kind is CommandKind.START and fake.state is OnboardPlanState.ON_BOARD:
             self.world.flights.append(asyncio.ensure_future(fake.fly()))
         if kind is CommandKind.SURFACE and fake.state is OnboardPlanState.RUNNING:
             fake.end_early(SURFACED_BY_COMMAND)

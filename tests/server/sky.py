@@ -12,7 +12,13 @@ from datetime import UTC, datetime, timedelta
 from onboard.satellite.receiver import Complete, MemoryStore, OrderReceived, Receiver
 from robot_link.messages import OnboardPlanState, RobotMode, SystemId
 from robot_link.robot_program import CommandOutcome
-from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
+from robot_link.satellite.blob import Blob
+from robot_link.satellite.chunk import sizes
+from robot_link.satellite.content import (
+    MobileOriginatedContent,
+    ShortPlanReport,
+    waiting_ack,
+)
 from robot_link.satellite.record import compose
 from robot_link.station.gateway.gateway import MobileOriginated, Taken
 from tests.server.fake_link import state_report
@@ -107,6 +113,8 @@ class Caller:
         """Every mission that it took, with whether it was to start."""
         self.plan = None
         self.plan_state = OnboardPlanState.NONE
+        self.waits = None
+        """Mission, whether it starts, and name of its transfer, that waits for a surfacing."""
         self.refuses = ""
         self.commands = []
         self.outcome = CommandOutcome.DONE
@@ -127,7 +135,7 @@ class Caller:
             counter=self.receiver.next_counter(),
             state=state_report(self.name, self.position_ned, at=now, mode=self.mode),
             plan=self._plan(),
-            acks=self.receiver.acks(),
+            acks=self._acks(),
             answers=self.receiver.answers(),
             samples=tuple(self.samples),
         )
@@ -162,6 +170,9 @@ class Caller:
                 if self.refuses:
                     self.receiver.refused(transfer_id, self.refuses)
                     return
+                if self.plan_state is OnboardPlanState.RUNNING:
+                    self.waits = (mission, start, transfer_id)
+                    return
                 self.applied.append((mission, start))
                 self.plan = mission
                 self.plan_state = OnboardPlanState.RUNNING if start else OnboardPlanState.ON_BOARD
@@ -169,6 +180,22 @@ class Caller:
             case OrderReceived(command):
                 self.commands.append(command)
                 self.receiver.answered(command, self.outcome)
+
+    def change_over(self):
+        """Begin the plan that waits, at a surfacing."""
+        mission, start, transfer_id = self.waits
+        self.waits, self.plan = None, mission
+        self.applied.append((mission, start))
+        self.receiver.applied(transfer_id)
+
+    def _acks(self):
+        """Return its words on missions, as the program on board says them."""
+        if self.waits is None:
+            return self.receiver.acks()
+        mission, start, transfer_id = self.waits
+        count = len(sizes(Blob.of(mission)))
+        others = (one for one in self.receiver.acks() if one.transfer_id != transfer_id)
+        return (waiting_ack(transfer_id, count, starts=start), *others)
 
     def _plan(self):
         digits = "" if self.plan is None else self.plan.sha256()[:16]

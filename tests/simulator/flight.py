@@ -61,6 +61,9 @@ class Notebook:
     ) -> None:
         self.plans.append((state, leg, energy_used, reason))
 
+    def begin_next_plan(self) -> None:
+        pass
+
 
 class Life:
     """One robot and its notebook; ``track`` has a row per step: time, estimate, std, truth."""

@@ -18,11 +18,12 @@ from db.query.measured.sample_places import sample_series
 from db.query.measured.samples import channel_key
 from db.record import same
 from db.sample_tables import ReadingRollup, ReadingRow
-from db.tables import STATE_CHANNELS, PlanReportRow, StateRow
+from db.tables import STATE_CHANNELS, PlanQueueRow, PlanReportRow, StateRow
 from robot_link.messages import (
     STATE,
     OnboardPlanState,
     PlanHash,
+    PlanQueue,
     PlanReport,
     RobotId,
     RobotMode,
@@ -145,6 +146,23 @@ def newest_plan_report(
         sha256=None if row.sha256 is None else PlanHash(row.sha256),
         state=OnboardPlanState(row.state),
     )
+
+
+def newest_plan_queue(session: Session, robot: str) -> PlanQueue | None:
+    """Return what a robot last said of the plan that waits on board."""
+    row = session.scalar(
+        select(PlanQueueRow)
+        .where(PlanQueueRow.robot_key == robot_key(session, robot))
+        .order_by(PlanQueueRow.received_at.desc())
+        .limit(1)
+    )
+    if row is None:
+        return None
+    hashes = {
+        name: None if (one := getattr(row, name)) is None else PlanHash(one)
+        for name in ("sha256", "next_sha256", "last_sha256")
+    }
+    return same(PlanQueue, row, robot=RobotId(robot), **hashes)
 
 
 def flown_legs(session: Session, robot: str, sha256: PlanHash) -> list[tuple[datetime, int]]:

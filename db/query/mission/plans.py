@@ -21,6 +21,7 @@ ENDED_STATES = ("done", "failed", "superseded", "cancelled")
 _LADDER = {
     "draft": "draft_at",
     "sent": "sent_at",
+    "waiting": "waiting_at",
     "on_board": "on_board_at",
     "running": "running_at",
     **dict.fromkeys(ENDED_STATES, "ended_at"),
@@ -41,7 +42,8 @@ class PlanRecord:
     mission: str | None
     round: int
     state: str
-    """``planning, draft, sent, on_board, running, done, failed, superseded, cancelled``."""
+    """``planning, draft, sent, waiting, on_board, running, done, failed, superseded, cancelled``;
+    ``waiting`` is on board behind the plan being flown."""
     sha256: str | None
     config: Mapping[str, Any]
     """The full configuration that the plan was made with."""
@@ -54,6 +56,7 @@ class PlanRecord:
     on_board_at: datetime | None
     running_at: datetime | None
     ended_at: datetime | None
+    waiting_at: datetime | None = None
 
 
 def add_plan(

@@ -24,7 +24,7 @@ class TransferRecord:
     robot: str
     plan: str
     state: str
-    """``waiting, sending, on_board, failed``."""
+    """``waiting, sending, kept`` (waits on board), ``on_board, running, failed``..."""
     level: str
     """The proved level: ``created`` (nothing left the station), ``queued, radio, applied``."""
     items: int

@@ -16,10 +16,16 @@ from tests.server.conftest import GRACE
 from tests.server.one_writer import callers_of
 
 AT = datetime(2026, 5, 1, tzinfo=UTC)
-OPEN = ("waiting", "sending", "on_board", "running")
+OPEN = ("waiting", "sending", "kept", "on_board", "running")
 ENDS = ("failed", "withdrawn", "superseded")
 BREAKS = [TransferEvidence(name) for name in ENDS]
-PROVED_OF_PLAN = {"waiting": "draft", "sending": "sent", "on_board": "on_board"}
+PROVED_OF_PLAN = {
+    "waiting": "draft",
+    "sending": "sent",
+    "kept": "waiting",
+    "on_board": "on_board",
+}
+PLAN_STATES = ("draft", "sent", "waiting", "on_board")
 
 
 @pytest.mark.parametrize(("state", "evidence"), [*product(ENDS, TransferEvidence)])
@@ -43,6 +49,7 @@ def test_transfer_is_on_board_only_when_the_robot_has_it():
     assert found == {
         ("waiting", has_it),
         ("sending", has_it),
+        ("kept", has_it),
         ("on_board", TransferEvidence.FINISHED),
     }
 
@@ -76,10 +83,9 @@ def test_transfer_follows_the_table_and_its_plan_what_it_proves(memory, story):
                     apply(session, transfer, evidence, AT)
             else:
                 apply(session, transfer, evidence, AT)
-                if step is not None and PROVED_OF_PLAN.get(step.state) in {"sent", "on_board"}:
-                    order = ("draft", "sent", "on_board")
+                if step is not None and PROVED_OF_PLAN.get(step.state) in PLAN_STATES[1:]:
                     proved = PROVED_OF_PLAN[step.state]
-                    plan_is = max(plan_is, proved, key=order.index)
+                    plan_is = max(plan_is, proved, key=PLAN_STATES.index)
             if step is not None and not has_ended:
                 state, has_ended = step.state, step.event == "ends"
             found = get_transfer(session, transfer)

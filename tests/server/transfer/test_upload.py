@@ -132,17 +132,6 @@ async def test_plan_whose_echo_was_lost_is_found_on_board_later(client, world):
     await plan_in(client, plan, "on_board")
 
 
-async def test_second_plan_waits_while_the_robot_flies_the_first(client, world):
-    world.robots[MINI].may_fly.clear()
-    first = await draft(client)
-    transfer = (await upload(client, first, start=True)).json()["transfer"]
-    await transfer_in(client, transfer, "running")
-    await plan_in(client, first, "running")
-    answer = await upload(client, await draft(client))
-    assert answer.status_code == 409
-    assert answer.json()["detail"].startswith("mini-1 flies plan-1; wait until it has ended")
-
-
 async def test_new_plan_on_board_supersedes_the_old_one(client, world):
     first = await draft(client)
     await upload(client, first)

@@ -19,7 +19,14 @@ function plan(number: number, more: Partial<PlanListing> = {}): PlanListing {
     message: '',
     teaches: false,
     created_at: `2026-11-21T04:00:0${number}Z`,
-    ladder: { draft_at: null, sent_at: null, on_board_at: null, running_at: null, ended_at: null },
+    ladder: {
+      draft_at: null,
+      sent_at: null,
+      on_board_at: null,
+      running_at: null,
+      ended_at: null,
+      waiting_at: null,
+    },
     ...more,
   };
 }

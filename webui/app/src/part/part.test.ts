@@ -9,6 +9,7 @@ import { planSentence, planSteps } from './plan_steps';
 const EMPTY = {
   draft_at: null,
   sent_at: null,
+  waiting_at: null,
   on_board_at: null,
   running_at: null,
   ended_at: null,
@@ -143,6 +144,19 @@ describe('a plan', () => {
     }
     const other = { ...plan('failed', {}), message: 'mini-1 was switched off.' };
     expect(planSentence(other)).toContain('before its last leg. mini-1 was');
+  });
+
+  test('that waits on board has a rung for that, and no other has', () => {
+    const proved = { draft_at: 'a', sent_at: 'b', waiting_at: 'c' };
+    const steps = planSteps(plan('waiting', proved));
+    expect(steps.map(({ title }) => title)).toEqual([
+      'Draft',
+      'Sent',
+      'Waiting on board',
+      'On board',
+      'Running',
+    ]);
+    expect(planSteps(plan('sent', { draft_at: 'a', sent_at: 'b' }))).toHaveLength(4);
   });
 
   test('that failed shows how far it came', () => {

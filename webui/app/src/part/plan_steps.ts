@@ -5,17 +5,22 @@ import type { Step } from './step';
 const RUNGS = [
   ['draft', 'draft_at'],
   ['sent', 'sent_at'],
+  ['waiting', 'waiting_at'],
   ['on_board', 'on_board_at'],
   ['running', 'running_at'],
 ] as const;
 
 const ENDS: readonly PlanState[] = ['done', 'failed', 'superseded', 'cancelled'];
 
-/** Draft, sent, on board, running, ended: each with the moment at which it was proved. */
+/**
+ * Draft, sent, on board, running, ended: each with the moment at which it was proved. A plan that
+ * waited on board behind another has that rung too.
+ */
 export function planSteps(plan: Pick<Plan, 'state' | 'ladder' | 'progress'>): Step[] {
-  const steps: Step[] = RUNGS.map(([state, field]) => {
+  const rungs = RUNGS.filter(([state]) => state !== 'waiting' || plan.ladder.waiting_at);
+  const steps: Step[] = rungs.map(([state, field]) => {
     const { text, help } = planWord(state);
-    return { title: text, help, at: plan.ladder[field] };
+    return { title: text, help, at: plan.ladder[field] ?? null };
   });
   if (ENDS.includes(plan.state)) {
     const { text, help, tone } = planWord(plan.state);
@@ -23,7 +28,7 @@ export function planSteps(plan: Pick<Plan, 'state' | 'ladder' | 'progress'>): St
     const reached = plan.state === 'done' ? steps : steps.filter(({ at }) => at !== null);
     return [...reached, { title: text, help, at: plan.ladder.ended_at, isFault }];
   }
-  const pending = plan.state === 'planning' ? 0 : plan.state === 'sent' ? 2 : null;
+  const pending = plan.state === 'planning' ? 0 : plan.state === 'sent' ? rungs.length - 2 : null;
   const step = pending === null ? undefined : steps[pending];
   if (step?.at === null) step.isPending = true;
   return steps;
@@ -33,6 +38,7 @@ const SENTENCES: Record<PlanState, string> = {
   planning: 'The planner is searching. Nothing is sent.',
   draft: 'Only the station has this plan. Nothing is sent.',
   sent: 'On its way. The robot has not confirmed it and keeps what it had.',
+  waiting: 'The robot keeps it on board behind the plan that it flies, until the next surfacing.',
   on_board: 'The robot has the plan: it answered with the plan’s fingerprint.',
   running: 'The robot says that it is flying this plan.',
   done: 'The robot says that it flew the last leg.',

@@ -52,13 +52,16 @@ export function transferEnd(transfer: Transfer): string | null {
   const found = ends.find((end) => said.includes(end));
   if (found !== undefined) return found;
   if (said.includes('on_board') || said.includes('running')) return 'applied';
+  if (said.includes('kept')) return 'applied';
   return transfer.ended_at === null ? null : 'failed';
 }
 
 /** Whether there is something of it to tell that the plan's own ladder does not tell. */
 export function isTelling(transfer: Transfer, planState: string): boolean {
   if (transferEnd(transfer) !== 'applied') return true;
-  return transfer.parts.length > 0 && ['sent', 'on_board', 'running'].includes(planState);
+  return (
+    transfer.parts.length > 0 && ['sent', 'waiting', 'on_board', 'running'].includes(planState)
+  );
 }
 
 /**

@@ -87,6 +87,11 @@ const PLANS: Record<PlanState, Word> = {
     tone: 'watch',
     help: 'On its way. The robot has not confirmed it and may still fly its former plan.',
   },
+  waiting: {
+    text: 'Waiting on board',
+    tone: 'watch',
+    help: 'The robot keeps the plan behind the one that it flies, until the next surfacing.',
+  },
   on_board: {
     text: 'On board',
     tone: 'ok',
