@@ -8,6 +8,7 @@ Places are north and east in the frame of the design's water, metres; depths are
 """
 
 from datetime import datetime
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, Field, model_validator
@@ -230,6 +231,38 @@ class Mooring(Configuration):
     """How long, from the arrival; at least one profile is flown."""
 
 
+class ReferenceRow(Spot):
+    """A moment of a reference trajectory."""
+
+    time_s: float = quantity(..., "s", title="Time", ge=0.0, le=2_592_000.0)
+    """Since its beginning."""
+    depth_m: float = quantity(..., "m", title="Depth", ge=0.0, le=_DEEP_M)
+    """Positive down."""
+
+
+class Reference(Configuration):
+    """A trajectory in time, flown from turn to turn at the speeds that it asks for."""
+
+    kind: Literal["reference"] = "reference"
+    shape: Literal["diagonal", "figure_of_eight", "rows"] = quantity("diagonal", title="Shape")
+    """Thesis Eq. 3.21, Eq. 3.22 with its printed ``015`` read as 0.15, or rows of one's own."""
+    origin: Spot
+    """Where the origin of the reference lies in the water."""
+    duration_s: float = quantity(225.0, "s", title="Duration", gt=0.0, le=86_400.0)
+    """Of a shape of the thesis."""
+    rows: Annotated[tuple[ReferenceRow, ...], Field(max_length=WAYPOINTS_MAX)] = ()
+    """Of one's own, in order of time, 2 to 500; north and east from the origin."""
+
+    @model_validator(mode="after")
+    def _rows_ascend(self) -> Self:
+        if self.shape == "rows" and len(self.rows) < 2:
+            raise ValueError(f"rows needs at least 2 rows, not {len(self.rows)}")
+        for number, (a, b) in enumerate(pairwise(self.rows), start=1):
+            if b.time_s <= a.time_s:
+                raise ValueError(f"rows.{number}.time_s must exceed the {a.time_s:g} s before it")
+        return self
+
+
 Content = Annotated[
     Way
     | Lawnmower
@@ -239,7 +272,8 @@ Content = Annotated[
     | AlongLine
     | AlongIsobath
     | Section
-    | Mooring,
+    | Mooring
+    | Reference,
     Field(discriminator="kind"),
 ]
 

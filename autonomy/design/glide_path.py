@@ -12,7 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from autonomy.current.table import flow_at
-from autonomy.design.document import Design, Manner, Mooring, Waypoint
+from autonomy.design.document import Design, Manner, Mooring, Reference, Waypoint
+from autonomy.design.reference import turns_of
 from autonomy.design.yo_yo import Line, turning_depths
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
@@ -108,6 +109,9 @@ class _Layout:
         if not self._waypoints:
             return self._found
         self._here = (*self._waypoints[0].ne_m, 0.0)
+        if isinstance(self._design.content, Reference):
+            self._follow(self._design.content)
+            return self._found
         manners = [_manner(number, one, self._design) for number, one in enumerate(self._waypoints)]
         for number, (waypoint, manner) in enumerate(zip(self._waypoints, manners, strict=True)):
             if number == 0:
@@ -211,6 +215,25 @@ class _Layout:
                 "the robot swims.",
             )
         )
+
+    def _follow(self, reference: Reference) -> None:
+        """Glide, or swim along the surface, from turn to turn in the time that lies between."""
+        for number, (before, turn) in enumerate(pairwise(turns_of(reference)), start=1):
+            passed_s, depth_m = turn[0] - before[0], turn[3]
+            if depth_m == 0.0 and self._here[2] == 0.0:
+                speed = math.dist(before[1:3], turn[1:3]) / passed_s
+                if speed == 0.0:
+                    raise ValueError(f"waypoints.{number}: the robot cannot wait in a reference")
+                self._swim(number, turn[1:3], Manner(swim_speed_m_s=speed))
+                continue
+            speed = abs(depth_m - self._here[2]) / passed_s
+            if speed == 0.0:
+                raise ValueError(
+                    f"waypoints.{number}: it has the depth of the turn before; under water a robot"
+                    " glides down or up"
+                )
+            config = _with_speed(self._config, "glide_speed_m_s", speed)
+            self._add(number, *self._aimed(config, turn[1:]))
 
     def _profiles(self, mooring: Mooring) -> None:
         """Spiral down and up at a place until the time is over."""

@@ -12,6 +12,7 @@ from autonomy.design.document import (
     ExpandingSquare,
     Lawnmower,
     Mooring,
+    Reference,
     Section,
     SpiralOut,
     Spot,
@@ -19,6 +20,7 @@ from autonomy.design.document import (
     Way,
     Waypoint,
 )
+from autonomy.design.reference import turns_of
 from autonomy.site import Site
 
 _ISOBATH_STEPS = 120
@@ -43,6 +45,10 @@ def waypoints_of(design: Design, site: Site, spacing_m: float) -> tuple[Waypoint
         return (*content.waypoints, *first)
     if isinstance(content, Mooring):
         return (Waypoint(north_m=content.place.north_m, east_m=content.place.east_m),)
+    if isinstance(content, Reference):
+        return tuple(
+            Waypoint(north_m=north_m, east_m=east_m) for _, north_m, east_m, _ in turns_of(content)
+        )
     places = _places(content, site, spacing_m)
     if len(places) > WAYPOINTS_MAX:
         raise ValueError(

@@ -6,7 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from autonomy.design.document import Design, Manner, Mooring, SurfacingRules, Way, Waypoint
+from autonomy.control.trajectory import diagonal, figure_eight
+from autonomy.design.document import (
+    Design,
+    Manner,
+    Mooring,
+    Reference,
+    SurfacingRules,
+    Way,
+    Waypoint,
+)
 from autonomy.design.glide_path import lay_out, rules_of, way_there
 from autonomy.design.way import waypoints_of
 from autonomy.design.yo_yo import Line, turning_depths
@@ -202,3 +211,28 @@ def test_the_way_there_begins_wherever_the_robot_is(rng):
     assert leg is not None
     assert (leg.start_ned[:2], leg.end_ned[:2]) == (here, way[0].ne_m)
     assert way_there(GRACE3, way[0].ne_m, way) is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "truth"), [("diagonal", diagonal), ("figure_of_eight", figure_eight)]
+)
+def test_a_reference_of_the_thesis_is_flown_through_its_turns_in_its_time(rng, shape, truth):
+    north, east = rng.uniform(240.0, 260.0, 2)
+    origin = {"north_m": north, "east_m": east}
+    found, _ = laid(Design(content=Reference(shape=shape, origin=origin, duration_s=300.0)))
+    ends_s = np.cumsum([leg.duration_s for leg in found.legs])
+    assert np.allclose(ends_s, 37.5 * np.arange(1, 9))
+    for leg, end_s in zip(found.legs[:-1], ends_s[:-1], strict=True):
+        place = np.add(truth(end_s).position_ned, (north, east, 0.0))
+        assert np.allclose(leg.end_ned, place)
+    assert found.legs[-1].end_ned[2] == 0.0
+
+
+def test_a_reference_that_stays_at_a_depth_is_refused_by_its_row():
+    rows = [
+        {"time_s": t, "north_m": t, "east_m": 0.0, "depth_m": d}
+        for t, d in ((0.0, 0.0), (100.0, 6.0), (200.0, 6.0), (300.0, 0.0))
+    ]
+    content = Reference(shape="rows", origin={"north_m": 200, "east_m": 200}, rows=rows)
+    with pytest.raises(ValueError, match=r"^waypoints\.2: it has the depth"):
+        laid(Design(content=content))
