@@ -11,6 +11,7 @@ from server.alarm import install as alarm
 from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.base_map import install as base_map
+from server.battery import install as battery
 from server.command import install as command
 from server.current import install as current
 from server.demo import install as demo
@@ -52,6 +53,7 @@ CAPABILITIES = (
     current,
     maps,
     tag,
+    battery,
     plan,
     design,
     transfer,
@@ -99,10 +101,8 @@ class Station:
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
-        for further in (command, drive, current, maps, tag, plan, design, transfer, target, survey):
-            further.install(foundation)
-        for last in (study, alarm, scene, recording):
-            last.install(foundation)
+        for later in CAPABILITIES[CAPABILITIES.index(command) :]:
+            later.install(foundation)
 
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""

@@ -28,14 +28,14 @@ _OUTLIER = 2.5
 _PATIENCE = 4
 _HOTEL_SHARE = 0.3
 """Standard deviation of what is believed of the electronics' power beforehand, as a share of it."""
-_OWN_SHARE = 0.4
+_OWN_SHARE = 0.6
 """The same of what a use draws on top."""
 _SCATTER = 0.10
 """``s`` as believed beforehand."""
 _SCATTER_ROWS = 4.0
 """Rows that this belief counts for."""
 _RENEWED = 0.3
-"""Part of the prior's covariance that comes back when the robot has changed."""
+"""Standard deviation that comes back when the robot has changed, as a share of its electronics'."""
 
 
 class Use(IntEnum):
@@ -103,22 +103,22 @@ class EnergyUse:
             energy_wh: What the battery lost.
             reading_std_wh: ``r``.
         """
-        x, P = hours, self.covariance_w2
+        x, known_w2 = hours, self.covariance_w2
         scatter = (self.scatter * float(x @ self.prior_w)) ** 2
         noise = scatter + reading_std_wh**2
-        known = float(x @ P @ x)
+        known = float(x @ known_w2 @ x)
         error = energy_wh - float(x @ self.power_w)
         z = error / math.sqrt(known + noise)
         is_odd = abs(z) > _OUTLIER
         surprises = _counted(self.surprises, z) if is_odd else 0
         if abs(surprises) >= _PATIENCE:
-            P = P + _RENEWED**2 * _prior_covariance(self.prior_w) / _HOTEL_SHARE**2
-            renewed = replace(self, covariance_w2=P, surprises=0)
+            doubt = _RENEWED**2 * _prior_covariance(self.prior_w) / _HOTEL_SHARE**2
+            renewed = replace(self, covariance_w2=known_w2 + doubt, surprises=0)
             return renewed.taken(hours, energy_wh, reading_std_wh)
         weight = (_OUTLIER / z) ** 2 if is_odd else 1.0
         total = known + noise / weight
-        gain = P @ x / total
-        covariance = P - np.outer(gain, x @ P)
+        gain = known_w2 @ x / total
+        covariance = known_w2 - np.outer(gain, x @ known_w2)
         # the scatter's expected square, given the error of the whole (expectation step)
         sum_of_all = known + noise
         share = scatter / sum_of_all
@@ -182,7 +182,8 @@ class EnergyUse:
     def of_document(cls, document: dict[str, Any]) -> Self:
         """Return what ``document`` returned."""
         arrays = ("prior_w", "power_w", "covariance_w2", "learned_h")
-        return cls(**{**document, **{name: np.array(document[name]) for name in arrays}})
+        fields: dict[str, Any] = {name: np.array(document[name]) for name in arrays}
+        return cls(**(document | fields))
 
 
 def lasts_h(left_wh: float, rate: EnergyEstimate) -> tuple[float, float, float]:

@@ -20,8 +20,8 @@ from autonomy.arrays import FloatArray
 
 CHI_SQUARED_90 = -2.0 * math.log(0.1)
 """Of two degrees of freedom: squared distance, in standard deviations, that holds 90 of 100."""
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
-_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+_NODES, _MASSES = np.polynomial.hermite_e.hermegauss(7)
+_WEIGHTS = _MASSES / _MASSES.sum()
 _WRONG_SHARE = 0.05
 """How often what is believed of a current is not within its stated error at all: it turned, or was
 told of another place. Then it is as unknown as before any fix."""

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
+from autonomy.estimation.energy_use import Use
 from autonomy.planner.config import EnergyConfig, PrimitiveConfig
+from autonomy.vehicle.battery import swimming_power_w
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.glide import glide_inputs
+from autonomy.vehicle.glide import NoSteadyGlideError, glide_inputs
 
 CHANGE_SHARE = 1.0 / 3.0
 """Smallest change of depth as a share of the depth."""
@@ -72,3 +75,25 @@ def joules_per_unit(vehicle: Vehicle, motion: PrimitiveConfig, energy: EnergyCon
     glide_s = motion.depth_change_min_m / CHANGE_SHARE / motion.glide_speed_m_s
     joules = work.glide_j + work.electronics_w * glide_s
     return joules / (energy.glide + energy.time_factor * glide_s)
+
+
+def powers_of_uses(vehicle: Vehicle, motion: PrimitiveConfig) -> FloatArray:
+    """Return what the model takes each use to draw, W, shape ``(5,)`` by ``Use``.
+
+    A glide, a spiral and a dive are those of ``joules_per_unit``: through three times the smallest
+    change of depth. Of a vehicle that cannot glide so, its primitives are taken to draw what its
+    electronics and half of its pump draw.
+    """
+    powers = np.empty(len(Use))
+    powers[Use.AFLOAT] = electronics = vehicle.energy.electronics_w
+    powers[Use.SWIM] = swimming_power_w(vehicle, is_deep=False)
+    change_m = motion.depth_change_min_m / CHANGE_SHARE
+    try:
+        work = work_of(vehicle, motion)
+    except NoSteadyGlideError:
+        powers[[Use.GLIDE, Use.SPIRAL, Use.DIVE]] = electronics + 0.5 * vehicle.energy.pump_full_w
+        return powers
+    powers[Use.GLIDE] = electronics + work.glide_j * motion.glide_speed_m_s / change_m
+    powers[Use.SPIRAL] = electronics + work.spiral_j * motion.spiral_speed_m_s / change_m
+    powers[Use.DIVE] = electronics + work.dive_j * motion.dive_speed_m_s / change_m
+    return powers

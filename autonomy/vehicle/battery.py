@@ -18,6 +18,9 @@ class BatteryConfig(Configuration):
 
     capacity_wh: float = quantity(48.0, "Wh", title="Capacity", gt=0.0, le=1e5)
     """Energy of the full battery. By it the station says whether a mission's battery lasts."""
+    reserve: float = quantity(0.1, title="Reserve", ge=RESERVE, le=0.9)
+    """Part of the full battery that a plan and the way home must leave. It is not less than the
+    0.05 at which the robot ends its mission by itself."""
 
 
 BATTERY_PRESETS: dict[str, BatteryConfig] = {

@@ -69,6 +69,8 @@ class Draft:
     """About what the energy units are in watt-hours, ``None`` where nobody knows."""
     tariff: Tariff
     """By which sending it by satellite is charged."""
+    battery: BatteryView | None = None
+    """What it takes from the robot's battery, ``None`` where nobody knows."""
 
     def renamed(self) -> Self:
         """Return the same trajectory under another name: the robot waits a second longer.
@@ -103,6 +105,7 @@ def draft_document(draft: Draft) -> dict[str, Any]:
                 surfacings=draft.surfacings,
                 satellite_bytes=draft.satellite_bytes,
                 energy_wh=draft.energy_wh,
+                battery=draft.battery,
             )
         ),
         "violations": [asdict(violation) for violation in draft.violations],

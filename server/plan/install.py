@@ -9,6 +9,7 @@ from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.link.event import PlanQueueReported, PlanReported
 from server.plan import route
+from server.plan.battery import PlanBattery
 from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
 from server.plan.ledger import PlanLedger
@@ -28,6 +29,7 @@ def install(foundation: Foundation) -> None:
     fleet = services.get(Fleet)
     machine_code = MachineCode(foundation.jobs)
     ledger = services.add(PlanLedger(foundation, fleet))
+    services.add(PlanBattery(foundation, fleet))
     planning = services.add(Planning(foundation, fleet, ledger, workers, machine_code))
     follower = PlanFollower(foundation.store, ledger)
 

@@ -26,6 +26,7 @@ from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
 from server.plan.ahead import remaining_s
+from server.plan.battery import PlanBattery, battery_violations
 from server.plan.document import (
     Draft,
     draft_document,
@@ -49,7 +50,6 @@ from server.plan.search_request import SearchRequest
 from server.plan.settings import PlanSettings
 from server.plan.state import PlanChanged, PlanEvidence
 from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
-from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_violations
 from server.plan.task import PLAN_SURVEY
 from server.plan.view import DryRunView, ProgressView, ViolationView
@@ -74,6 +74,7 @@ class Planning:
         self.settings = PlanSettings(foundation, fleet)
         self.problems = RoundProblems(foundation, fleet)
         self._flows = PlanFlows(foundation)
+        self._battery = foundation.services.get(PlanBattery)
         self._foundation = foundation
         self._fleet = fleet
         self._ledger = ledger
@@ -328,8 +329,7 @@ class Planning:
         status = self._fleet.status(record.robot)
         if record.kind == FOLLOW_TARGET:
             tracking = TrackingConfig.model_validate(record.config)
-            book = self._foundation.configurations
-            battery = await target_battery(book, self._fleet, record.robot, tracking)
+            battery = await self._battery.of_target(record.robot, tracking)
             found = [
                 *target_violations(status, tracking),
                 *battery_violations(record.robot, battery),
@@ -342,7 +342,10 @@ class Planning:
         mission, vehicle = mission_of(record), self._fleet.vehicle(record.robot)
         limits = broken_limits(status, vehicle, config, mission.settings, mission.legs)
         outdated = outdated_by(status, record, self._foundation.clock.now())
-        return [*limits, *broken_off(record), *outdated]
+        duration_s = record.document["account"]["duration_s"]
+        battery = await self._battery.of_legs(record.robot, config, mission.legs, duration_s)
+        lasts = battery_violations(record.robot, battery)
+        return [*limits, *lasts, *broken_off(record), *outdated]
 
     async def _rest_s(self, request: SearchRequest, config: PlannerConfig) -> float:
         """Return how long the robot still flies what it flies before a round, s of its clock."""
@@ -521,7 +524,7 @@ class Planning:
         book = self._foundation.configurations
         controller = await book.current(ONBOARD_CONTROLLER, robot)
         field = await book.current("field", robot)
-        return draft_of(
+        draft = draft_of(
             self._fleet.status(robot),
             self._fleet.vehicle(robot),
             config,
@@ -531,6 +534,10 @@ class Planning:
             field=field.value_as(FieldConfig),
             tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
         )
+        legs = draft.mission.legs
+        battery = await self._battery.of_legs(robot, config, legs, draft.duration_s)
+        lasts = battery_violations(robot, battery)
+        return replace(draft, battery=battery, violations=(*draft.violations, *lasts))
 
 
 async def _done(work: Coroutine[Any, Any, object]) -> None:

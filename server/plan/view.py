@@ -47,9 +47,23 @@ class BatteryView(View):
     left: float | None
     """What the robot said was left when the plan was made."""
     reserve: float
-    """What is left when the robot ends its mission by itself."""
+    """What the plan and the way home must leave."""
     lasts_s: float | None
-    """How long the robot could go on like this, from what is left to the reserve."""
+    """How long the robot could go on like this, from what is left to the reserve, the way home
+    taken off."""
+    used_wh: float | None = None
+    """About what the plan takes; ``null`` in plans of an earlier version."""
+    used_low_wh: float | None = None
+    """It takes between this and the next in 90 of 100 cases."""
+    used_high_wh: float | None = None
+    home_wh: float = 0.0
+    """What the swim from its end to where the robot was put into the water takes."""
+    home_m: float = 0.0
+    """How far that is; 0 where nobody knows."""
+    capacity_wh: float | None = None
+    """Of the full battery."""
+    is_learned: bool = False
+    """Whether past flights taught what it takes; else the vehicle's model says it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +89,7 @@ class AccountView(View):
     """About what the energy units of a survey's plan are in watt-hours, by the work of the glides
     that it is made of; ``null`` where the vehicle is not known."""
     battery: BatteryView | None = None
-    """Of a plan that follows a target; ``null`` where the vehicle is not known."""
+    """``null`` where the vehicle is not known, and in plans of an earlier version."""
     expected_from: int = 0
     """How many flights of the dry run duration and uncertainty are of; 0 where they are as
     planned."""

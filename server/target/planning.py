@@ -26,11 +26,11 @@ from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.fleet.words import TEACHING
+from server.plan.battery import PlanBattery, battery_violations
 from server.plan.ledger import PlanLedger
 from server.plan.settings import PlanSettings
 from server.plan.state import PlanEvidence, apply
 from server.plan.target_account import target_account
-from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_path, target_violations, target_warnings
 from server.plan.view import ViolationView
 from server.satellite.cost import mission_credits
@@ -49,6 +49,7 @@ class TargetPlanning:
         self._fleet = fleet
         self._ledger = ledger
         self._settings = settings
+        self._battery = foundation.services.get(PlanBattery)
 
     async def plan(
         self, robot: str, patch: Mapping[str, Any], *, by: str, base: Base = "kept"
@@ -102,7 +103,7 @@ class TargetPlanning:
         """Return the part of a plan's document that an operator decides by."""
         book, status = self._foundation.configurations, self._fleet.status(robot)
         tariff = (await book.current("satellite", robot)).value_as(SatelliteConfig).tariff
-        battery = await target_battery(book, self._fleet, robot, config)
+        battery = await self._battery.of_target(robot, config)
         account = target_account(
             config,
             planner,

@@ -112,7 +112,7 @@ def _believed(belief: _Belief) -> WaterBelief:
 def _afloat(rng: np.random.Generator, water: _Water, belief: _Belief) -> Lost:
     place = rng.uniform(-200.0, 200.0, 2)
     fix = place + FIX_STD_M * rng.standard_normal(2)
-    word = LastWord((*fix.tolist(), 0.0), FIX_STD_M, 0.0, FIX_STD_M)
+    word = LastWord((float(fix[0]), float(fix[1]), 0.0), FIX_STD_M, 0.0, FIX_STD_M)
     believed, age_s = _believed(belief), LOST_S + rng.uniform(0.0, 600.0)
     for _ in range(int(age_s / STEP_S)):
         place = place + water.carry(STEP_S)
@@ -145,6 +145,7 @@ def _plan(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 def _flown(rng: np.random.Generator, water: _Water, belief: _Belief) -> Lost:
     """Fly a plan dive by dive; the word is that of some moment of the first dive."""
     times, places, leg_ends, surfacings = _plan(rng)
+    track_now, fix = 0.0, np.zeros(2)
     start_s = float(np.mean(STAY_S))
     spoken_s = start_s + rng.uniform(0.0, float(leg_ends[0]) - start_s)
     word: LastWord | None = None
@@ -167,7 +168,7 @@ def _flown(rng: np.random.Generator, water: _Water, belief: _Belief) -> Lost:
                     + belief.variance * (along - dive_start_s) ** 2
                 )
                 depth = float(np.interp(along, times, places[:, 2]))
-                said = (*reckoned.tolist(), depth)
+                said = (float(reckoned[0]), float(reckoned[1]), depth)
                 word, said_s = LastWord(said, std, along - dive_start_s, FIX_STD_M), clock
                 track_now = along
             step = water.carry(STEP_S) - believed_now * STEP_S

@@ -12,8 +12,8 @@ from pathlib import Path
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
-    "link", "satellite", "command", "drive", "current", "map", "tag", "plan", "design", "transfer",
-    "target",
+    "link", "satellite", "command", "drive", "current", "map", "tag", "battery", "plan", "design",
+    "transfer", "target",
     "survey", "study", "alarm", "scene", "recording", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""

@@ -3,22 +3,27 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from autonomy.estimation.energy_use import EnergyUse, Use
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.work import powers_of_uses
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from autonomy.vehicle.battery import BATTERY_PRESETS, RESERVE, swimming_power_w
+from autonomy.vehicle.battery import BATTERY_PRESETS, swimming_power_w
 from autonomy.vehicle.config import VEHICLES
 from robot_link.messages import RobotMode
 from robot_link.mission import Mission, MissionSettings
 from robot_link.target_settings import TargetSettings
+from server.battery.battery_use import Battery
+from server.plan.battery import battery_of_target, battery_violations
 from server.plan.target_account import dives_of, target_account
-from server.plan.target_battery import battery_of, battery_violations
 from tests.server.conftest import GRACE, MINI
 from tests.server.fake_link import state_report
 from tests.server.target.test_tracking_plan import draft, upload
 from tests.simulator.flight import Life
 
+RESERVE = BATTERY_PRESETS["grace3"].reserve
 MINI_PLANNER = PLANNER_PRESETS["miniglider"]
 MINI_MODEL, GRACE_MODEL = VEHICLES["miniglider"], VEHICLES["grace3"]
 
@@ -51,7 +56,7 @@ def test_energy_surfacings_and_battery_are_near_what_a_robot_takes_that_flies_it
     full = battery.fraction
     life.live(duration_s)
     took = full - battery.fraction
-    told = battery_of(config, planner, MINI_MODEL, BATTERY_PRESETS["miniglider"], None)
+    told = battery_of_target(config, planner, MINI_MODEL, by_model("miniglider", None))
     assert 0.8 * took < told.used < 2.5 * took
     assert 0.85 < promised.energy / life.executive.energy_used < 1.5
     modes = life.notebook.modes[life.notebook.modes.index(RobotMode.TRACKING) :]
@@ -111,19 +116,26 @@ def test_power_is_that_of_electronics_and_tail_and_under_water_of_the_pump_now_a
     assert 0.02 * prices.pump_full_w < deep_w - shallow < 0.1 * prices.pump_full_w
 
 
+def by_model(vehicle, left):
+    """Return the battery of a robot that has not flown yet."""
+    use = EnergyUse.of_model(
+        powers_of_uses(VEHICLES[vehicle], PLANNER_PRESETS[vehicle].primitives)
+    )
+    return Battery(BATTERY_PRESETS[vehicle], use, np.zeros(len(Use)), left, None)
+
+
 def told(duration_s, battery_fraction):
-    state = state_report(GRACE, battery_fraction=battery_fraction)
     config = changed("grace3", motion={"duration_s": duration_s})
-    planner, battery = PLANNER_PRESETS["grace3"], BATTERY_PRESETS["grace3"]
-    return battery_of(config, planner, GRACE_MODEL, battery, state)
+    battery = by_model("grace3", battery_fraction)
+    return battery_of_target(config, PLANNER_PRESETS["grace3"], GRACE_MODEL, battery)
 
 
 def test_the_longest_mission_that_lasts_leaves_just_the_reserve():
     lasts_s = told(3600.0, 0.5).lasts_s
     assert battery_violations(GRACE, told(0.999 * lasts_s, 0.5)) == []
     (one,) = battery_violations(GRACE, told(1.001 * lasts_s, 0.5))
-    assert one.field == "motion.duration_s"
-    assert "grace-1 has 50% left and ends its mission at 5%" in one.message
+    assert one.field == "battery"
+    assert "grace-1 has 50% left and must keep 10%" in one.message
     assert f"about {lasts_s:.0f} s" in one.message
     assert told(lasts_s, 0.5).used == pytest.approx(0.5 - RESERVE)
 
@@ -136,7 +148,7 @@ async def test_a_plan_that_outlasts_the_battery_is_not_sent_until_it_is_shorter(
     world.tell(state_report(MINI, (1.2, 0.6, 0.0), battery_fraction=0.5))
     long = await draft(client, {"motion": {"duration_s": 40000.0}})
     (one,) = long["violations"]
-    assert one["field"] == "motion.duration_s"
+    assert one["field"] == "battery"
     battery = long["account"]["battery"]
     assert (battery["left"], battery["reserve"]) == (0.5, RESERVE)
     assert battery["used"] > 0.9
@@ -153,7 +165,7 @@ async def test_what_the_battery_holds_is_a_setting_and_is_asked_again_at_the_che
     )
     assert answer.status_code == 200
     (one,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
-    assert one["field"] == "motion.duration_s"
+    assert one["field"] == "battery"
 
 
 async def test_account_says_what_sending_it_by_satellite_costs(client, workers):
