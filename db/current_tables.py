@@ -1,4 +1,4 @@
-"""Tables of what robots believed of the water's current, and of what their dives tell of it."""
+"""Tables of what robots believed of the current, what dives tell of it, and where robots were."""
 
 from datetime import datetime
 
@@ -36,4 +36,18 @@ class CurrentObservationRow(Base):
     started_at: Mapped[datetime]
     ended_at: Mapped[datetime]
     is_surface: Mapped[bool]
+    document: Mapped[Document]
+
+
+class PredictionRow(Base):
+    """Where a robot that was not heard should have been, and where the next fix found it."""
+
+    __tablename__ = "prediction"
+    __table_args__ = (UniqueConstraint("robot_key", "seen_at"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    said_at: Mapped[datetime]
+    seen_at: Mapped[datetime]
+    is_inside: Mapped[bool]
     document: Mapped[Document]

@@ -23,6 +23,7 @@ from server.link import install as link
 from server.link.radios import LinkFactory, open_link
 from server.map import install as maps
 from server.plan import install as plan
+from server.prediction import install as prediction
 from server.recording import install as recording
 from server.satellite import install as satellite
 from server.satellite.gateways import Gateways
@@ -60,6 +61,7 @@ CAPABILITIES = (
     target,
     survey,
     study,
+    prediction,
     alarm,
     scene,
     recording,

@@ -47,7 +47,7 @@ def recover_by(battery: Battery) -> RecoverByView | None:
     if battery.left is None or battery.measured_at is None:
         return None
     hours = float(battery.day_h.sum())
-    rate = _rate_w(battery)
+    rate = rate_w(battery)
     left_wh = (battery.left - battery.config.reserve) * battery.config.capacity_wh
     expected, least, most = (min(one, _LONGEST_H) for one in lasts_h(left_wh, rate))
     at = battery.measured_at
@@ -82,7 +82,8 @@ def range_view(estimate: EnergyEstimate) -> RangeView:
     return RangeView(estimate.mean_wh, estimate.low_wh, estimate.high_wh)
 
 
-def _rate_w(battery: Battery) -> EnergyEstimate:
+def rate_w(battery: Battery) -> EnergyEstimate:
+    """Return the mean power of the last day, W; of a robot afloat where nothing tells of it."""
     hours = float(battery.day_h.sum())
     if hours < _LEAST_H:
         return battery.use.power(Use.AFLOAT)

@@ -13,8 +13,7 @@ SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
     "link", "satellite", "command", "drive", "current", "map", "tag", "battery", "plan", "design",
-    "transfer", "target",
-    "survey", "study", "alarm", "scene", "recording", "cli",
+    "transfer", "target", "survey", "study", "prediction", "alarm", "scene", "recording", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 150

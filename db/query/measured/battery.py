@@ -63,4 +63,6 @@ def first_place(session: Session, robot: str, since: datetime) -> tuple[float, f
         .order_by(StateRow.measured_at)
         .limit(1)
     ).first()
-    return None if row is None else (float(row[0]), float(row[1]))
+    if row is None or row.north_m is None or row.east_m is None:
+        return None
+    return row.north_m, row.east_m

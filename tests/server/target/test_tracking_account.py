@@ -118,9 +118,7 @@ def test_power_is_that_of_electronics_and_tail_and_under_water_of_the_pump_now_a
 
 def by_model(vehicle, left):
     """Return the battery of a robot that has not flown yet."""
-    use = EnergyUse.of_model(
-        powers_of_uses(VEHICLES[vehicle], PLANNER_PRESETS[vehicle].primitives)
-    )
+    use = EnergyUse.of_model(powers_of_uses(VEHICLES[vehicle], PLANNER_PRESETS[vehicle].primitives))
     return Battery(BATTERY_PRESETS[vehicle], use, np.zeros(len(Use)), left, None)
 
 

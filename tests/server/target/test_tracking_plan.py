@@ -254,7 +254,7 @@ async def test_check_says_what_changed_since_it_was_made(client, world):
     plan = (await draft(client))["id"]
     fresh = (await client.post(f"/api/plans/{plan}/check")).json()
     assert fresh == {"plan_id": plan, "violations": []}
-    world.tell(state_report(MINI, (-0.3, -0.2, 0.0), battery_fraction=0.1))
+    world.tell(state_report(MINI, (-0.3, -0.2, 0.0), battery_fraction=0.2))
     fields = [
         one["field"] for one in (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
     ]
