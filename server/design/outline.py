@@ -14,7 +14,7 @@ import numpy as np
 from autonomy.design.document import Design, Waypoint
 from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there
 from autonomy.design.way import waypoints_of
-from autonomy.estimation.position import expected_position_std
+from autonomy.estimation.position import blind_time_s, expected_position_std
 from autonomy.planner.check.check import violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import legs_duration_s, legs_energy, surfacings
@@ -80,13 +80,12 @@ def lay(design: Design, around: Surroundings) -> Outline:
     try:
         waypoints = waypoints_of(design, around.site, around.spacing_m)
         due_s = [(at - around.now).total_seconds() for at in design.surfacing.times]
-        domain = around.config.domain
         laid_out = lay_out(
             design,
             waypoints,
             rules,
             around.site,
-            usual_deep_m=domain.depth_max_m - around.config.floor_margin_m,
+            usual_deep_m=_usual_deep_m(around.config, rules),
             due_s=due_s,
         )
     except ValueError as error:
@@ -94,6 +93,18 @@ def lay(design: Design, around: Surroundings) -> Outline:
         flaw = (field, reason) if colon and " " not in field else ("content", str(error))
         return Outline(waypoints, LaidOut(), rules, flaw)
     return Outline(waypoints, laid_out, rules, None)
+
+
+def _usual_deep_m(config: PlannerConfig, rules: PlannerConfig) -> float:
+    """Return how deep a robot dives where nobody says it, m.
+
+    As deep as its surveys go, but not deeper than it may come down and up again before its position
+    is less certain than the rules allow.
+    """
+    motion, deepest_m = config.primitives, config.domain.depth_max_m - config.floor_margin_m
+    certain_s = blind_time_s(config.position_filter, rules.max_uncertainty_m**2)
+    by_certainty_m = 0.5 * (certain_s - motion.point_interval_s) * motion.glide_speed_m_s
+    return min(deepest_m, max(by_certainty_m, motion.depth_change_min_m))
 
 
 def outline_view(design: Design, around: Surroundings) -> OutlineView:
