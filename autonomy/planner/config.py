@@ -262,6 +262,8 @@ class PlannerConfig(Configuration):
 
     domain: Box = quantity(Box(), title="Domain")
     """The part of the water to explore; no planned point leaves it."""
+    area: Area | None = quantity(None, title="Survey area")
+    """A polygon within the domain that the survey is confined to; without one all of the domain."""
     total_budget: float = quantity(80.0, "units", title="Total energy budget", gt=0.0)
     """Energy units for the whole survey: a glide or spiral costs 1.5, a dive 1, and time."""
     round_budget: float = quantity(20.0, "units", title="Energy budget of a round", gt=0.0)

@@ -210,6 +210,11 @@ def _misplaced(config: PlannerConfig, start_xy: tuple[float, float], site: Site 
                 f"{place} is {away:.2g} m from the keep-out {area.name}; "
                 f"the margin is {config.margin_m:g} m"
             )
+    if config.area is not None:
+        inside_m = -float(config.area.distance_m(x, y))
+        if inside_m < config.margin_m:
+            where = "outside of" if inside_m < 0.0 else f"{inside_m:.2g} m from the end of"
+            return f"{place} is {where} the survey area {config.area.name}"
     if site is not None and site.shore is not None:
         off_shore = -float(site.shore.distance_m(x, y))
         if 0.0 <= off_shore < config.margin_m:

@@ -15,7 +15,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.mask import water_mask
 from autonomy.field.model.kernel import covariance
 from autonomy.planner.belief import FieldBelief
-from autonomy.site import Box, Site
+from autonomy.site import Area, Box, Site
 
 POINTS = 1000
 """Points that a trajectory is judged on."""
@@ -37,9 +37,13 @@ class FinePart(NamedTuple):
 
 
 def drawn_points(
-    domain: Box, site: Site | None, rng: np.random.Generator, count: int = POINTS
+    domain: Box,
+    site: Site | None,
+    rng: np.random.Generator,
+    count: int = POINTS,
+    area: Area | None = None,
 ) -> FloatArray:
-    """Return points drawn evenly from the water of a domain, shape ``(n, 3)``.
+    """Return points drawn evenly from the water of a domain, or of an area in it, ``(n, 3)``.
 
     A sequence of low discrepancy leaves smaller gaps than chance does, and a trajectory is worth up
     to a tenth more on it than on as many random points. Where there is hardly any water they are
@@ -52,14 +56,20 @@ def drawn_points(
     while len(found) < count and tried < _TRIES * count:
         tried += count
         points = rng.uniform(low, high, size=(count, 3))
-        found = np.concatenate(
-            [found, points if site is None else points[water_mask(site, points)]]
-        )
+        if site is not None:
+            points = points[water_mask(site, points)]
+        if area is not None:
+            points = points[area.contains(points[:, 0], points[:, 1])]
+        found = np.concatenate([found, points])
     return found[:count]
 
 
 def fine_part(
-    belief: FieldBelief, domain: Box, site: Site | None, rng: np.random.Generator
+    belief: FieldBelief,
+    domain: Box,
+    site: Site | None,
+    rng: np.random.Generator,
+    area: Area | None = None,
 ) -> FinePart:
     """Return how a field varies between points as close as those that are judged on.
 
@@ -68,9 +78,10 @@ def fine_part(
         domain: Where.
         site: Shore and floor; None for water without end.
         rng: Chooses points, others than those that are judged on.
+        area: Part of the domain that is surveyed; None for all.
     """
-    points = drawn_points(domain, site, rng)
-    probes = drawn_points(domain, site, rng, _PROBES)
+    points = drawn_points(domain, site, rng, area=area)
+    probes = drawn_points(domain, site, rng, _PROBES, area)
     if not len(probes):
         return FinePart(0.0, 1.0)
     kernel, whole = belief.kernel(), belief.signal_variance

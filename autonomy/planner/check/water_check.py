@@ -8,7 +8,7 @@ from autonomy.planner.check.clearance import clearance_m, floor_contact, true_wa
 from autonomy.planner.check.violation import Violation, leg_title
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
-from autonomy.planner.leg.waterway import closed_areas
+from autonomy.planner.leg.waterway import bounds_of, closed_areas
 from autonomy.planner.plan import Leg
 from autonomy.site import Box, Site
 
@@ -38,7 +38,8 @@ def _arrival(legs: tuple[Leg, ...], config: PlannerConfig) -> int:
     for number, leg in enumerate(legs):
         if not drift.knows_place(leg):
             return 0
-        if config.domain.contains(*leg.end_ned):
+        inside = config.area is None or bool(config.area.contains(*leg.end_ned[:2]))
+        if inside and config.domain.contains(*leg.end_ned):
             return number + 1
     return 0
 
@@ -65,9 +66,7 @@ def _aground(
     borders = [
         (area.outline, f'the keep-out "{area.name}"', 1.0) for area in closed_areas(config, site)
     ]
-    if site.shore is not None:
-        name = "Shore" if site.shoreline is None else site.shoreline.name
-        borders.append((site.shore, f'the shoreline "{name}"', -1.0))
+    borders += [(outline, name, -1.0) for name, outline in bounds_of(config, site)]
     for area, name, side in borders:
         text = _too_near(area, name, side, way, config.margin_m, comes_in=comes_in)
         if text:

@@ -1,8 +1,9 @@
 """Where there is water enough: the depth that a plan may use, exactly and as a raster.
 
-Exactly, a robot may be at a place if that lies inside the shoreline and outside of every keep-out,
-in both cases by the margin, down to the floor less its margin. The raster holds this for searches,
-which ask millions of times: each cell has the depth that may be used in all of it.
+Exactly, a robot may be at a place if that lies inside the shoreline and the survey area and outside
+of every keep-out, in all cases by the margin, down to the floor less its margin. The raster holds
+this for searches, which ask millions of times: each cell has the depth that may be used in all of
+it.
 """
 
 import itertools
@@ -53,6 +54,17 @@ def closed_areas(config: PlannerConfig, site: Site | None) -> tuple[Area, ...]:
     return config.keep_outs if site is None else (*config.keep_outs, *site.keep_outs)
 
 
+def bounds_of(config: PlannerConfig, site: Site | None) -> tuple[tuple[str, Outline], ...]:
+    """Return what a survey stays inside of, by name: the shoreline and its own area."""
+    found: list[tuple[str, Outline]] = []
+    if site is not None and site.shore is not None:
+        name = "Shore" if site.shoreline is None else site.shoreline.name
+        found.append((f'the shoreline "{name}"', site.shore))
+    if config.area is not None:
+        found.append((f'the survey area "{config.area.name}"', config.area.outline))
+    return tuple(found)
+
+
 def usable_depth_m(
     config: PlannerConfig, site: Site | None, north_m: npt.ArrayLike, east_m: npt.ArrayLike
 ) -> FloatArray:
@@ -82,7 +94,7 @@ def waterway_of(config: PlannerConfig, site: Site | None) -> Waterway:
     """
     domain = config.domain
     rooms = _rooms(config, site)
-    if site is None and not config.keep_outs:
+    if site is None and not config.keep_outs and config.area is None:
         return Waterway(domain.x_min_m, domain.y_min_m, 1.0, 0.0, True, np.empty((0, 0)), *rooms)
     width, length = domain.x_max_m - domain.x_min_m, domain.y_max_m - domain.y_min_m
     cell = max(width, length) / _CELLS_MAX
@@ -161,15 +173,16 @@ def _cells(begin: float, size: float, cell: float) -> FloatArray:
 def _clearance_m(
     config: PlannerConfig, site: Site | None, x: FloatArray, y: FloatArray
 ) -> FloatArray:
-    """Return the distance to the nearest shore or keep-out, negative on land and inside of one.
+    """Return the distance to the nearest shore, keep-out or end of the survey area.
+
+    It is negative on land, inside of a keep-out and outside of the area.
 
     It is told up to a metre more than the margin.
     """
     clearance = np.full(x.shape, np.inf)
     within_m = config.margin_m + 1.0
-    shore = None if site is None else site.shore
-    if shore is not None:
-        clearance = -shore.distance_m(x, y, within_m)
+    for _, outline in bounds_of(config, site):
+        clearance = np.minimum(clearance, -outline.distance_m(x, y, within_m))
     for area in closed_areas(config, site):
         clearance = np.minimum(clearance, area.outline.distance_m(x, y, within_m))
     return clearance
@@ -178,11 +191,10 @@ def _clearance_m(
 def _is_clear(
     config: PlannerConfig, site: Site | None, x: FloatArray, y: FloatArray, margin_m: float
 ) -> BoolArray:
-    """Tell which places are at least so far from shore and keep-outs."""
+    """Tell which places are at least so far from shore, keep-outs and the survey area's end."""
     clear = np.ones(x.shape, dtype=np.bool_)
-    shore = None if site is None else site.shore
-    if shore is not None:
-        clear &= -shore.distance_m(x, y, margin_m) >= margin_m
+    for _, outline in bounds_of(config, site):
+        clear &= -outline.distance_m(x, y, margin_m) >= margin_m
     for area in closed_areas(config, site):
         near = _around(area.outline, x, y, margin_m)
         clear[near] &= area.outline.distance_m(x[near], y[near], margin_m) >= margin_m

@@ -174,8 +174,14 @@ def plan(
         return blocked
     if site is not None:
         belief = belief.within(water_mask(site, belief.test_points))
+    if config.area is not None:
+        north, east, _ = belief.test_points.T
+        belief = belief.within(config.area.contains(north, east))
     if not len(belief.test_points):
-        return outcome.nothing_feasible("No trajectory: no point of the domain is in the water.")
+        area = "" if config.area is None else " and in the survey area"
+        return outcome.nothing_feasible(
+            f"No trajectory: no point of the domain is in the water{area}."
+        )
     progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, config.planning_time_s)
     unknown = independent_points(config, site, rng)
     if not len(unknown):
@@ -206,7 +212,7 @@ def independent_points(
     All that it draws from that source is the seed of another, from which they are drawn.
     """
     own = np.random.default_rng(rng.integers(2**63, size=2))
-    return drawn_points(config.domain, site, own)
+    return drawn_points(config.domain, site, own, area=config.area)
 
 
 def starts_of(config: PlannerConfig) -> int:
@@ -259,7 +265,7 @@ class Search:
         self.info: Information | None = None
         self.ergodic: Ergodic | None = None
         if config.objective != "ergodic":
-            fine = fine_part(belief, config.domain, site, rng)
+            fine = fine_part(belief, config.domain, site, rng, config.area)
             self.info = information_of(config, belief, fine, self.graph, rows)
         if config.objective != "information_gain":
             self.ergodic = ergodic_of(config, belief, self.graph)
