@@ -8,6 +8,7 @@ import { SetupApi } from './setup';
 import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
 import type { Alarm, ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
+import { OutlookApi } from './outlook';
 import { WaterApi } from './water';
 
 type Schemas = components['schemas'];
@@ -69,6 +70,7 @@ export class Api {
   readonly demo = new DemoApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
   readonly water = new WaterApi(this.#http);
+  readonly outlook = new OutlookApi(this.#http);
   readonly tag = new TagApi(this.#http);
   readonly vehicle = new VehicleApi(this.#http);
 

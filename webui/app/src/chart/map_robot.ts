@@ -1,6 +1,5 @@
 import type { Robot } from '../api/types';
 import type { Station } from '../live/station.svelte';
-import { offByNow } from '../text/growth';
 import type { MapRobot } from './site_robots';
 
 const OLD_S = 10;
@@ -14,7 +13,6 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
     const heading = entry.report?.channels.heading_rad?.value ?? 0;
     const limit = entry.report?.channels.depth_m?.limit_s ?? OLD_S;
     const ageS = station.ageNow(entry, position.age_s);
-    const isIdle = entry.report?.mode === 'idle';
     return [
       {
         id,
@@ -23,10 +21,6 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
         stdM: position.std_m ?? 0,
         headingRad: heading,
         isOld: ageS > limit,
-        offM:
-          isIdle && position.std_m !== null
-            ? offByNow(position.std_m, entry.report?.current, ageS, true)
-            : null,
       },
     ];
   });

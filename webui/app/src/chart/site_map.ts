@@ -7,6 +7,8 @@ import { BaseLayer } from './base_layer';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
 import { drawDepth, drawField, type FieldLevel } from './site_picture';
+import type { PredictedMark } from './predicted';
+import { drawPredicted } from './site_predicted';
 import { drawShapes, type MapShape } from './site_shapes';
 import { SiteRobots, type MapRobot } from './site_robots';
 import type { Sight } from './target_view';
@@ -65,6 +67,7 @@ export class SiteDrawing {
   readonly #comesUp = L.layerGroup();
   readonly #rehearsed = L.layerGroup();
   readonly #expected = L.layerGroup();
+  readonly #silent = L.layerGroup();
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
   readonly #base: BaseLayer;
@@ -97,7 +100,7 @@ export class SiteDrawing {
     drawFrame(map, site);
     this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
-    const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected]);
+    const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected, this.#silent]);
     this.#groups = {
       depth: L.layerGroup(),
       field: L.layerGroup(),
@@ -224,6 +227,11 @@ export class SiteDrawing {
 
   showRobots(robots: readonly MapRobot[]): void {
     this.#robots.show(robots);
+  }
+
+  /** Where robots that are not heard should be. */
+  showPredicted(marks: readonly PredictedMark[]): void {
+    drawPredicted(this.#silent, marks);
   }
 
   showTracks(tracks: readonly Track[]): void {

@@ -9,15 +9,12 @@ export interface MapRobot {
   stdM: number;
   /** Older than its limit: drawn hollow. */
   isOld: boolean;
-  /** How far it may have drifted by now, m; predicted, null where that is no more than stated. */
-  offM: number | null;
 }
 
 interface Mark {
   marker: L.Marker;
   arrow: SVGElement;
   circle: L.Circle;
-  off: L.Circle;
 }
 
 /** Between a robot and its name, px. */
@@ -43,7 +40,6 @@ export class SiteRobots {
       const at: [number, number] = [robot.ned[0], robot.ned[1]];
       mark.marker.setLatLng(at);
       mark.circle.setLatLng(at).setRadius(Math.max(robot.stdM, 1e-3));
-      mark.off.setLatLng(at).setRadius(robot.offM ?? 1e-3);
       const degrees = (robot.headingRad * 180) / Math.PI;
       mark.arrow.setAttribute('transform', `rotate(${degrees.toFixed(1)} 14 14)`);
       mark.marker.getElement()?.classList.toggle('map-old', robot.isOld);
@@ -83,11 +79,9 @@ export class SiteRobots {
       className: 'map-name',
     });
     const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });
-    const off = L.circle([0, 0], { radius: 1e-3, className: 'map-off', interactive: false });
-    off.addTo(this.#robots);
     circle.addTo(this.#robots);
     marker.addTo(this.#robots);
-    const mark = { marker, arrow, circle, off };
+    const mark = { marker, arrow, circle };
     this.#marks.set(robot.id, mark);
     return mark;
   }

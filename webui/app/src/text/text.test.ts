@@ -1,5 +1,4 @@
 import { readFileSync } from 'node:fs';
-import { offByNow } from './growth';
 import { describe, expect, test } from 'vitest';
 import { convergence, northEast, wgs84 } from './frame';
 import { latitude, longitude } from './position';
@@ -199,12 +198,4 @@ test('an old report is told with its age, beside a link that may be live', () =>
 test('a deviation of a logarithm is told as a factor', () => {
   expect(factorText(0)).toBe('×1.00');
   expect(factorText(Math.log(2))).toBe('×2.00');
-});
-
-test('a robot that drifts idle may be farther off the older its word is', () => {
-  const current = { north_m_s: 0.03, east_m_s: 0.04, std_m_s: 0.01, doubt: 2 };
-  expect(offByNow(0.5, current, 3600, false)).toBeCloseTo(72, 1);
-  expect(offByNow(0.5, current, 3600, true)).toBeCloseTo(252, 1);
-  expect(offByNow(0.5, current, 5, false)).toBeNull();
-  expect(offByNow(0.5, null, 3600, true)).toBeNull();
 });

@@ -70,10 +70,15 @@ function keeping(config: JsonObject): string {
 }
 
 /** What a mission takes of the battery, against what there is. */
-export function batteryText({ used, left, reserve, lasts_s: lasts }: Battery): string {
+export function batteryText({
+  used,
+  left,
+  reserve,
+  lasts_s: lasts,
+}: Pick<Battery, 'used' | 'left' | 'reserve' | 'lasts_s'>): string {
   const takes = `takes about ${percent(used)}`;
   if (left === null) return `${takes}; what is left is not known`;
-  const kept = `of ${percent(left)} left, and ends itself at ${percent(reserve)}`;
+  const kept = `of ${percent(left)} left, and keeps ${percent(reserve)}`;
   return lasts === null ? `${takes} ${kept}` : `${takes} ${kept}: lasts ${duration(lasts)}`;
 }
 

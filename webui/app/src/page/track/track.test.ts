@@ -378,7 +378,7 @@ describe('the account of a plan to follow a target', () => {
   test('says whether the battery lasts, and never more than is known', () => {
     const battery = { used: 0.05, left: 0.8, reserve: 0.1, lasts_s: 8400 };
     expect(batteryText(battery)).toBe(
-      'takes about 5\u00a0% of 80\u00a0% left, and ends itself at 10\u00a0%: lasts 2 h 20 min',
+      'takes about 5\u00a0% of 80\u00a0% left, and keeps 10\u00a0%: lasts 2 h 20 min',
     );
     expect(batteryText({ ...battery, left: null })).toContain('not known');
   });
