@@ -277,13 +277,17 @@ def _judged(
 def _judged_text(robot: str, record: PredictionRecord, age_s: float) -> str:
     document = record.document
     long_m, short_m = document["ellipse_m"]
-    minutes = f"{age_s / 60.0:.0f} min" if age_s >= 90.0 else f"{age_s:.0f} s"
     side = "inside" if record.is_inside else "outside"
     return (
         f"{robot} was found {metres(document['miss_m'])} from where it was predicted after "
-        f"{minutes} without a word: {side} the 90 % ellipse of {metres(long_m)} by "
+        f"{silence_text(age_s)} without a word: {side} the 90 % ellipse of {metres(long_m)} by "
         f"{metres(short_m)}."
     )
+
+
+def silence_text(age_s: float) -> str:
+    """Return how long nothing was heard, for a sentence."""
+    return f"{age_s / 60.0:.0f} min" if age_s >= 90.0 else f"{age_s:.0f} s"
 
 
 def place_view(

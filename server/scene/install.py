@@ -4,6 +4,7 @@ from robot_link.messages import RobotId
 from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
+from server.prediction.predictions import Predictions
 from server.scene import route
 from server.scene.host import SceneHost
 from server.scene.source import StationSceneSource
@@ -19,11 +20,12 @@ def install(foundation: Foundation) -> None:
     services = foundation.services
     fleet, maps = services.get(Fleet), services.get(FieldMaps)
     vehicles, shown = services.get(Vehicles), services.get(WhatIfs).shown
+    predictions = services.get(Predictions)
 
     def source_of(robot: RobotId) -> SceneSource | None:
         if not fleet.knows(robot):
             return None
-        return StationSceneSource(robot, fleet, maps, vehicles, shown)
+        return StationSceneSource(robot, fleet, maps, vehicles, shown, predictions)
 
     scenes = services.add(SceneHost(source_of, lambda robot: foundation.feed.mark("view", robot)))
     foundation.lifetime.on_stop(scenes.stop)

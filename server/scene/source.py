@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.estimation.prediction import ellipse_90
 from autonomy.site import Area, Site
 from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
@@ -15,6 +16,7 @@ from robot_link.report import TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps
+from server.prediction.predictions import PredictedPath, Predictions, silence_text
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
@@ -22,6 +24,7 @@ from webui.scene.source import (
     MapView,
     PlanView,
     Pose,
+    PredictedView,
     SampleView,
     TargetHypothesis,
     TargetView,
@@ -39,12 +42,15 @@ class StationSceneSource:
         maps: FieldMaps,
         vehicles: Vehicles,
         whatifs: ShownWhatIfs,
+        predictions: Predictions,
     ) -> None:
         self._robot = robot
         self._fleet = fleet
         self._maps = maps
         self._vehicles = vehicles
         self._whatifs = whatifs
+        self._predictions = predictions
+        self._predicted: tuple[PredictedPath, int, PredictedView] | None = None
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
         self._kept_out_by: PlanInHand | None = None
         self._keep_outs: tuple[Area, ...] = ()
@@ -96,6 +102,16 @@ class StationSceneSource:
             tail_rad=tail,
             is_old=self._fleet.is_old(self._status),
         )
+
+    def predicted(self) -> PredictedView | None:
+        """Return where the robot should be that is not heard, anew each second."""
+        path = self._predictions.path(self._robot)
+        if path is None:
+            return None
+        age_s = self._predictions.age_s(path.said_at)
+        if self._predicted is None or self._predicted[:2] != (path, int(age_s)):
+            self._predicted = (path, int(age_s), _predicted_view(path, age_s))
+        return self._predicted[2]
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""
@@ -176,6 +192,20 @@ class StationSceneSource:
     @property
     def _status(self) -> RobotStatus:
         return self._fleet.status(self._robot)
+
+
+def _predicted_view(path: PredictedPath, age_s: float) -> PredictedView:
+    place, covariance = path.at(age_s)
+    axes, direction = ellipse_90(covariance)
+    found = path.prediction
+    north, east, depth = place.tolist()
+    return PredictedView(
+        position_ned=(north, east, depth),
+        ellipse_m=axes,
+        ellipse_rad=direction,
+        way_ned=np.vstack([found.position_ned[found.age_s < age_s], place]),
+        label=f"predicted; last heard {silence_text(age_s)} ago",
+    )
 
 
 def _target_depth_m(hand: PlanInHand) -> float:

@@ -16,6 +16,7 @@ from webui.scene.source import (
     MapView,
     PlanView,
     Pose,
+    PredictedView,
     SampleView,
     TargetView,
     TrackPiece,
@@ -46,6 +47,7 @@ class FakeSource:
         self.models = ("recursive", "single")
         self.shown_comparison: ComparisonView | None = None
         self.areas: tuple[Area, ...] = ()
+        self.silent: PredictedView | None = None
         self.followed: TargetView | None = None
         self.followed_path: np.ndarray | None = None
         self.sampled = SampleView(
@@ -63,6 +65,9 @@ class FakeSource:
             NOON, (here[0], here[1], here[2]), float(self.std_m[-1]), 0.0, -0.5, 0.8, 0.3,
             RobotMode.GLIDING, is_old=False,
         )  # fmt: skip
+
+    def predicted(self) -> PredictedView | None:
+        return self.silent
 
     def track_since(self, cursor: int) -> TrackPiece:
         points = self.track_ned[cursor:]

@@ -48,6 +48,8 @@ TARGET: Colour = (255, 138, 101)
 TARGET_TRUE: Colour = (236, 240, 244)
 """Where a virtual target really is."""
 TARGET_OLD: Colour = ROBOT_OLD
+PREDICTED: Colour = (233, 196, 255)
+"""Where a robot that is not heard should be; its own word has another colour."""
 REHEARSED: Colour = (226, 214, 170)
 """Where a rehearsal went: computed, not flown, and not what was promised either."""
 

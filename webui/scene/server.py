@@ -11,6 +11,7 @@ from webui.scene.keep_out import KeepOuts
 from webui.scene.lake_bed import LakeBed
 from webui.scene.panel import WATER, WHAT_IF, LayerEntry, Panel
 from webui.scene.plan import PlannedTrajectory
+from webui.scene.predicted import Predicted
 from webui.scene.projection import Projection
 from webui.scene.robot import RobotModel
 from webui.scene.sample import Samples
@@ -51,6 +52,7 @@ class RobotScene:
         self._target = Target(self._stage, source)
         self._bed = LakeBed(self._stage, source.site)
         self._comparison = Comparison(self._stage, source)
+        self._predicted = Predicted(self._stage, source)
         self._is_framed = False
         layers = {
             "map": LayerEntry("Map", self._map),
@@ -61,6 +63,7 @@ class RobotScene:
             "uncertainty": LayerEntry("Planned uncertainty", self._plan.uncertainty),
             "rehearsal": LayerEntry("Rehearsed track", self._plan.rehearsal),
             "target": LayerEntry("Target", self._target),
+            "predicted": LayerEntry("Predicted place", self._predicted),
             "keep_outs": LayerEntry("Keep-outs", self._keep_outs),
             "floor": LayerEntry("Shore and floor", self._bed),
             "what_if": LayerEntry("What-if", self._comparison),
@@ -104,6 +107,7 @@ class RobotScene:
             self._samples.update()
             self._keep_outs.update()
             self._target.update()
+            self._predicted.update()
             if self._comparison.update():
                 self._frame()
             self._map.update()

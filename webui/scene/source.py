@@ -157,6 +157,20 @@ class TargetView:
     """Whether the robot keeps its target observable; False in a mission for teaching."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedView:
+    """Where a robot that is not heard should be; it has said nothing of this."""
+
+    position_ned: PositionNed
+    ellipse_m: tuple[float, float]
+    """Half axes of the ellipse that holds it in 90 of 100 cases, the longer one first."""
+    ellipse_rad: float
+    """Direction of the longer axis, from north towards east."""
+    way_ned: FloatArray
+    """From where it said to be, shape ``(n, 3)``, m."""
+    label: str
+
+
 class SceneSource(Protocol):
     """Everything the scene shows of one robot; cheap enough to be polled at 10 Hz."""
 
@@ -187,6 +201,13 @@ class SceneSource(Protocol):
 
     def pose(self) -> Pose | None:
         """Return the newest pose, ``None`` where the robot never reported one."""
+        ...
+
+    def predicted(self) -> PredictedView | None:
+        """Return where a robot that is not heard should be, ``None`` while it is.
+
+        The same object as long as nothing about it changed.
+        """
         ...
 
     def track_since(self, cursor: int) -> TrackPiece:

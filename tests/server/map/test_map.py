@@ -15,6 +15,7 @@ from db.query.measured.samples import SampleColumns
 from robot_link.messages import RobotId
 from server.map.grid import grid_of
 from server.map.site_map import Seen, SiteMap
+from server.prediction.predictions import Predictions
 from server.scene.source import StationSceneSource
 from tests.server.conftest import GRACE, MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report
@@ -222,7 +223,12 @@ async def test_recorded_robot_shows_the_map_that_its_import_kept(client, station
 
 async def test_scene_draws_pose_track_plan_and_map_of_the_same_robot(client, station, world):
     source = StationSceneSource(
-        MINI, station.fleet, station.maps, station.vehicles, station.whatifs.shown
+        MINI,
+        station.fleet,
+        station.maps,
+        station.vehicles,
+        station.whatifs.shown,
+        station.foundation.services.get(Predictions),
     )
     world.tell(state_report(MINI, (1.3, 0.7, 0.4)))
     assert source.pose().position_ned == (1.3, 0.7, 0.4)
