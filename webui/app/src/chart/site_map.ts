@@ -70,6 +70,7 @@ export class SiteDrawing {
   readonly #silent = L.layerGroup();
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
+  readonly #surveyed = L.layerGroup();
   readonly #base: BaseLayer;
   readonly #water: L.LatLngBounds;
   readonly #site: Site;
@@ -100,6 +101,7 @@ export class SiteDrawing {
     drawFrame(map, site);
     this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
+    this.#surveyed.addTo(map);
     const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected, this.#silent]);
     this.#groups = {
       depth: L.layerGroup(),
@@ -341,6 +343,14 @@ export class SiteDrawing {
         )
         .addTo(this.#comesUp);
     }
+  }
+
+  showSurveyed(area: Area | null): void {
+    this.#surveyed.clearLayers();
+    if (area === null) return;
+    L.polygon(plain(area.corners_m), { interactive: false, className: 'map-domain' }).addTo(
+      this.#surveyed,
+    );
   }
 
   showAreas(

@@ -89,7 +89,8 @@ function readNode(root: JsonObject, given: JsonObject, path: readonly string[]):
   if (choices) return { ...common, kind: 'choice', choices };
   switch (schema.type) {
     case 'object':
-      return group(root, schema, common);
+      // one that may be missing as a whole is set by whatever knows what it is
+      return isNullable ? { ...common, kind: 'raw' } : group(root, schema, common);
     case 'number':
     case 'integer':
       return { ...common, kind: 'number', ...numeric(schema), isWhole: schema.type === 'integer' };

@@ -36,12 +36,20 @@ export function currentOf(config: JsonObject | undefined): { north: number; east
 export function areasOf(config: JsonObject | undefined): Area[] {
   const found = config?.keep_outs;
   if (!Array.isArray(found)) return [];
-  return found.filter(isObject).flatMap((area) => {
-    const { name, corners_m } = area;
-    if (!Array.isArray(corners_m)) return [];
-    const corners = corners_m
-      .filter((corner) => Array.isArray(corner))
-      .map(([north, east]): [number, number] => [Number(north), Number(east)]);
-    return [{ name: typeof name === 'string' ? name : '', corners_m: corners }];
-  });
+  return found.flatMap((area) => areaOf(area) ?? []);
+}
+
+/** The polygon that a survey is confined to; `null` for all of the domain. */
+export function surveyedOf(config: JsonObject | undefined): Area | null {
+  return areaOf(config?.area);
+}
+
+function areaOf(area: Json | undefined): Area | null {
+  if (!isObject(area)) return null;
+  const { name, corners_m } = area;
+  if (!Array.isArray(corners_m)) return null;
+  const corners = corners_m
+    .filter((corner) => Array.isArray(corner))
+    .map(([north, east]): [number, number] => [Number(north), Number(east)]);
+  return { name: typeof name === 'string' ? name : '', corners_m: corners };
 }

@@ -1,7 +1,7 @@
 import type { Area, Box, Json } from '../../api/types';
-import type { Draft } from '../../form/draft.svelte';
+import { nodeAt, type Draft } from '../../form/draft.svelte';
 import type { FormNode } from '../../form/schema';
-import { areasOf } from './config';
+import { areasOf, surveyedOf } from './config';
 
 const UNDO_STEPS = 50;
 const LEAST_CORNERS = 3;
@@ -27,6 +27,8 @@ export class KeepOutEditor {
   /** Whether this station's planner knows keep-outs. */
   readonly isKnown = $derived(this.#node !== null);
   readonly areas = $derived.by(() => areasOf(this.#draft()?.value));
+  /** The polygon that the survey is confined to; `null` for all of the domain. */
+  readonly surveyed = $derived.by(() => surveyedOf(this.#draft()?.value));
   readonly canUndo = $derived(this.#past.length > 0);
   /** What the station refused of them. */
   readonly error = $derived.by(() => {
@@ -106,6 +108,29 @@ export class KeepOutEditor {
     this.selected = null;
   }
 
+  /** Make a drawn area the one that is surveyed, and the domain the box around it. */
+  surveyInside(index: number): void {
+    const area = this.areas[index];
+    const draft = this.#draft();
+    if (!area || !draft) return;
+    const [norths, easts] = [0, 1].map((axis) => area.corners_m.map((at) => at[axis] ?? 0));
+    this.#put('area', { ...area, name: surveyName(area.name) } as unknown as Json);
+    for (const [member, value] of [
+      ['x_min_m', Math.min(...(norths ?? []))],
+      ['x_max_m', Math.max(...(norths ?? []))],
+      ['y_min_m', Math.min(...(easts ?? []))],
+      ['y_max_m', Math.max(...(easts ?? []))],
+    ] as const) {
+      this.#put(`domain.${member}`, value);
+    }
+    this.remove(index);
+  }
+
+  /** Survey the whole domain again; the box stays as it is. */
+  surveyAll(): void {
+    this.#put('area', null);
+  }
+
   undo(): void {
     const before = this.#past.at(-1);
     if (!before) return;
@@ -131,10 +156,21 @@ export class KeepOutEditor {
     this.#write(areas);
   }
 
+  #put(path: string, value: Json): void {
+    const draft = this.#draft();
+    const node = draft ? nodeAt(draft.tree, path.split('.')) : null;
+    if (draft && node) draft.set(node, value);
+  }
+
   #write(areas: readonly Area[]): void {
     const draft = this.#draft();
     if (draft && this.#node) draft.set(this.#node, areas as unknown as Json);
   }
+}
+
+/** What was drawn as a keep-out is none any more; a name that somebody gave stays. */
+function surveyName(name: string): string {
+  return /^Keep-out \d+$/.test(name) ? 'Survey area' : name;
 }
 
 /** To the centimetre, which is finer than anybody knows a mooring. */

@@ -219,6 +219,40 @@ describe('keep-outs', () => {
     expect(editor.areas[0]?.corners_m).toEqual(corners);
   });
 
+  test('become the area of the survey, and the domain the box around it', () => {
+    const numbers = Object.fromEntries(
+      ['x_min_m', 'x_max_m', 'y_min_m', 'y_max_m'].map((key) => [key, { type: 'number' }]),
+    );
+    const schema: JsonObject = {
+      type: 'object',
+      properties: {
+        ...(SCHEMA.properties as JsonObject),
+        area: {
+          anyOf: [{ type: 'object', properties: { name: { type: 'string' } } }, { type: 'null' }],
+        },
+        domain: { type: 'object', properties: numbers },
+      },
+    };
+    const corners = [[1, 2], [5, 2], [5, 9]]; // prettier-ignore
+    const stored: JsonObject = {
+      keep_outs: [{ name: 'Keep-out 1', corners_m: corners }],
+      area: null,
+      domain: { x_min_m: 0, x_max_m: 20, y_min_m: 0, y_max_m: 20 },
+    };
+    const draft = new Draft(schema, stored, stored);
+    const editor = new KeepOutEditor(() => draft);
+    expect(draft.isValid).toBe(true);
+    editor.surveyInside(0);
+    expect(draft.patch).toEqual({
+      keep_outs: [],
+      area: { name: 'Survey area', corners_m: corners },
+      domain: { x_min_m: 1, x_max_m: 5, y_min_m: 2, y_max_m: 9 },
+    });
+    expect(editor.surveyed?.corners_m).toEqual(corners);
+    editor.surveyAll();
+    expect(editor.surveyed).toBeNull();
+  });
+
   test('are not offered by a station that does not know them', () => {
     const draft = new Draft({ type: 'object', properties: {} }, {}, {});
     expect(new KeepOutEditor(() => draft).isKnown).toBe(false);

@@ -132,6 +132,7 @@ export class WaterDraft {
       places: [],
       depth_datum: '',
       tide_offset_m: 0,
+      surface_altitude_m: null,
       chart: null,
       water: this.frame.water,
       origin_latitude_deg: this.frame.origin_latitude_deg,
