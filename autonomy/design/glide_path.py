@@ -35,6 +35,7 @@ _UNLIMITED = 1e9
 """Energy units; a design has no budget but the battery."""
 _FAR_M = 1e6
 _LONG_S = 604_800.0
+_PATIENCE_MAX_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,6 +381,19 @@ def way_there(
     if not waypoints or math.dist(robot_ne_m, waypoints[0].ne_m) < _SAME_PLACE_M:
         return None
     return primitive.swim(config, (*robot_ne_m, 0.0), (*waypoints[0].ne_m, 0.0))
+
+
+def with_patience(config: PlannerConfig, way: Leg | None) -> PlannerConfig:
+    """Return settings of a mission that also waits for the way to its first waypoint.
+
+    A robot gives a mission up that takes much longer than its legs, and the way is none of them.
+    """
+    if way is None:
+        return config
+    mission = config.mission
+    patience_s = mission.patience_s + mission.patience_factor * way.duration_s
+    changed = mission.model_copy(update={"patience_s": min(patience_s, _PATIENCE_MAX_S)})
+    return config.model_copy(update={"mission": changed})
 
 
 def rules_of(config: PlannerConfig, design: Design, site: Site) -> PlannerConfig:

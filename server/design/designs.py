@@ -18,7 +18,7 @@ from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, below, conflict, invalid, unprocessable
 from server.design.moving import design_of_legs, shifted
-from server.design.outline import Outline, Surroundings, lay, outline_view
+from server.design.outline import Outline, Surroundings, lay, outline_view, patient
 from server.design.surroundings import surroundings
 from server.design.template import check_parameters, filled
 from server.design.view import NewDesign, NewTemplate, OutlineView, TemplateParameter
@@ -233,7 +233,7 @@ class Designs:
         plan = await self._planning.plan_legs(
             record.robot,
             PLAN_KIND,
-            PlannedCurrent(found.rules, around.current_text),
+            PlannedCurrent(patient(found, around), around.current_text),
             config_id,
             found.laid_out.legs,
             by=by,

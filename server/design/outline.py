@@ -12,7 +12,7 @@ from datetime import datetime
 import numpy as np
 
 from autonomy.design.document import Design, Waypoint
-from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there
+from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there, with_patience
 from autonomy.design.way import waypoints_of
 from autonomy.estimation.position import blind_time_s, expected_position_std
 from autonomy.planner.check.check import violations
@@ -27,6 +27,7 @@ from autonomy.vehicle.trim import TrimConfig
 from db.record import same
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import Tariff
+from server.base.problem import conflict
 from server.design.view import (
     OutlineAccountView,
     OutlineLegView,
@@ -114,7 +115,7 @@ def outline_view(design: Design, around: Surroundings) -> OutlineView:
     way, notes = _way(found, around)
     broken = (
         [OutlineViolationView(*found.flaw, _waypoint_of(found.flaw[0]), None, None)]
-        if (found.flaw)
+        if found.flaw
         else []
     )
     if legs:
@@ -167,6 +168,21 @@ def _way(found: Outline, around: Surroundings) -> tuple[WayThereView | None, lis
         return None, []
     view = same(WayThereView, leg, distance_m=math.dist(leg.start_ned[:2], leg.end_ned[:2]))
     return view, []
+
+
+def patient(found: Outline, around: Surroundings) -> PlannerConfig:
+    """Return the settings that a design's plan travels with.
+
+    Raises:
+        Problem: 409 if the robot cannot get to the first waypoint.
+    """
+    if around.robot_ned is None:
+        return found.rules
+    try:
+        way = way_there(found.rules, around.robot_ned[:2], found.waypoints)
+    except ValueError as error:
+        raise conflict(f"On the way to the first waypoint the {error}.") from error
+    return with_patience(found.rules, way)
 
 
 def _violations(legs: tuple[Leg, ...], found: Outline, site: Site) -> list[OutlineViolationView]:

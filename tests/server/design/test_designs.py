@@ -202,6 +202,20 @@ async def test_a_design_becomes_a_draft_that_is_opened_again(client):
     assert {one["change"] for one in same.json()["legs"]} == {"same"}
 
 
+async def test_a_robot_far_from_the_first_waypoint_is_given_time_to_get_there(client):
+    async def patience_and_way_s(first):
+        design = await begun(client, document=waypoints(first, (1.2, 0.9)))
+        made = await client.post(f"/api/designs/{design['id']}/plan")
+        plan = (await client.get(f"/api/plans/{made.json()['id']}")).json()
+        outline = (await client.get(f"/api/designs/{design['id']}/check")).json()
+        return plan["config"]["mission"]["patience_s"], outline["way_there"]["duration_s"]
+
+    near, near_s = await patience_and_way_s((1.3, 0.5))
+    far, far_s = await patience_and_way_s((2.5, 1.2))
+    assert far_s > near_s
+    assert far - near == pytest.approx(2.0 * (far_s - near_s))
+
+
 async def test_an_empty_design_is_not_made_a_plan_of(client):
     design = await begun(client, document=waypoints())
     answer = await client.post(f"/api/designs/{design['id']}/plan")
