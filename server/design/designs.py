@@ -51,6 +51,16 @@ class Designs:
             lambda session: query.list_designs(session, robot, archived=archived)
         )
 
+    async def count_versions(self, robot: str) -> dict[str, int]:
+        """Return how many versions each design of a robot has; those without one are left out.
+
+        Raises:
+            UnknownIdError: If there is no such robot.
+        """
+        return await self._foundation.store.query(
+            lambda session: query.count_versions(session, robot)
+        )
+
     async def get(self, design: str) -> DesignRecord:
         """Return one design.
 

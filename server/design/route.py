@@ -62,7 +62,8 @@ async def list_designs(
     """Return the designs of a robot, those that were changed last first."""
     del caller
     found = await designs.of_robot(robot, archived=archived)
-    return [_summary(one, len(await designs.versions(one.id))) for one in found]
+    versions = await designs.count_versions(robot)
+    return [_summary(one, versions.get(one.id, 0)) for one in found]
 
 
 @router.post("/robots/{robot}/designs", status_code=201)

@@ -135,6 +135,7 @@ def test_versions_stay_what_they_were(store):
     )
     changed(store, design, 2)
     assert in_turn(store, query.get_version, design.id, first.number).document == document(1)
+    assert in_turn(store, query.count_versions, "mini-1") == {design.id: 1}
     assert [one.comment for one in in_turn(store, query.list_versions, design.id)] == ["As agreed"]
     with pytest.raises(UnknownIdError):
         in_turn(store, query.get_version, design.id, 2)

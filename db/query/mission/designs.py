@@ -128,6 +128,21 @@ def list_designs(session: Session, robot: str, *, archived: bool = False) -> lis
     return [_record(session, row) for row in rows]
 
 
+def count_versions(session: Session, robot: str) -> dict[str, int]:
+    """Return how many versions each design of a robot has; those without one are left out.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    counted = session.execute(
+        select(DesignVersionRow.design_key, func.count())
+        .join(DesignRow, DesignRow.key == DesignVersionRow.design_key)
+        .where(DesignRow.robot_key == robot_key(session, robot))
+        .group_by(DesignVersionRow.design_key)
+    )
+    return {public_id("design", key): count for key, count in counted}
+
+
 def change_document(
     session: Session,
     design: str,
