@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import RobotLink
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
@@ -58,16 +59,16 @@ class SlowUpload:
     """Every mission that the robot ever held, one after another."""
 
 
-class Shelf:
+class Shelf(MemoryPlanStore):
     """A plan store that remembers everything that it ever held."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.kept: list[Mission] = []
 
-    def load(self) -> Mission | None:
-        return self.kept[-1] if self.kept else None
-
     def replace(self, mission: Mission) -> None:
+        """Make a mission the plan on board, and remember that it was."""
+        super().replace(mission)
         self.kept.append(mission)
 
 

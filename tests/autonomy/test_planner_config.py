@@ -93,6 +93,7 @@ def test_an_operator_meets_few_fields_first():
     first = [name for name in fields if not fields[name].json_schema_extra["advanced"]]
     assert first == [
         "domain",
+        "area",
         "total_budget",
         "round_budget",
         "time_budget_s",
