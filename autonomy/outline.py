@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from autonomy.arrays import BoolArray, FloatArray
 
-_PAIRS_MAX = 2_000_000
+PAIRS_MAX = 2_000_000
 """Places times sides that are compared at once: 16 MB an array."""
 _CELLS_MAX = 1 << 12
 """Cells along one axis."""
@@ -52,7 +52,7 @@ class Outline:
         begins, ends = self.begins[beside], self.ends[beside]
         first = np.searchsorted(sorted_y, self.low[beside, 1], side="left")
         behind = np.searchsorted(sorted_y, self.high[beside, 1], side="left")
-        for side, place in _ragged(first, behind):
+        for side, place in ragged(first, behind):
             (x0, y0), (x1, y1) = begins[side].T, ends[side].T
             hit = sorted_x[place] < x0 + (sorted_y[place] - y0) * ((x1 - x0) / (y1 - y0))
             crossings += np.bincount(place[hit], minlength=len(order))
@@ -92,12 +92,12 @@ class Outline:
             )
         if not len(begins):
             return np.full(count, within_m)
-        if count * len(begins) <= _PAIRS_MAX:
+        if count * len(begins) <= PAIRS_MAX:
             squared = squared_distances(places[:, None], begins, ends).min(axis=1)
             return np.minimum(np.sqrt(squared), within_m)
         if math.isfinite(within_m):
             return self._distance_by_cells(places, within_m)
-        blocks = np.array_split(places, math.ceil(count * len(self.begins) / _PAIRS_MAX))
+        blocks = np.array_split(places, math.ceil(count * len(self.begins) / PAIRS_MAX))
         return np.concatenate([self._least_distance(block, within_m) for block in blocks])
 
     def _distance_by_cells(self, places: FloatArray, within_m: float) -> FloatArray:
@@ -124,7 +124,7 @@ class Outline:
         # the cells of one row lie one after the other, and so do their places
         first = cells[row * shape[1] + low[piece, 1]]
         behind = cells[row * shape[1] + high[piece, 1] + 1]
-        for part, at in _ragged(first, behind):
+        for part, at in ragged(first, behind):
             place, side = order[at], piece[part]
             found = squared_distances(places[place], begins[side], ends[side])
             np.minimum.at(squared, place, found)
@@ -153,7 +153,7 @@ def _pieces(begins: FloatArray, ends: FloatArray, size: float) -> tuple[FloatArr
     return begins[side] + share[0] * along, begins[side] + share[1] * along
 
 
-def _ragged(first: Indices, behind: Indices) -> "list[tuple[Indices, Indices]]":
+def ragged(first: Indices, behind: Indices) -> "list[tuple[Indices, Indices]]":
     """Return pairs of each range's number and each index in it, in blocks of bounded size."""
     sizes = np.maximum(behind - first, 0)
     used = np.flatnonzero(sizes)
@@ -162,7 +162,7 @@ def _ragged(first: Indices, behind: Indices) -> "list[tuple[Indices, Indices]]":
     begin = 0
     while begin < len(used):
         done = total[begin - 1] if begin else 0
-        end = max(int(np.searchsorted(total, done + _PAIRS_MAX, side="right")), begin + 1)
+        end = max(int(np.searchsorted(total, done + PAIRS_MAX, side="right")), begin + 1)
         part = used[begin:end]
         count = sizes[part]
         number = np.repeat(part, count)
@@ -188,7 +188,7 @@ def first_crossing(corners: FloatArray) -> tuple[int, int] | None:
     rank = np.arange(count)
     behind = np.searchsorted(sorted_low, high[order, axis], side="right")
     found: tuple[int, int] | None = None
-    for first, at in _ragged(rank + 1, behind):
+    for first, at in ragged(rank + 1, behind):
         one, other = order[first], order[at]
         across = 1 - axis
         near = (low[one, across] <= high[other, across]) & (low[other, across] <= high[one, across])

@@ -74,31 +74,64 @@ def surface_covariance(config: EstimatorConfig, dt_s: float) -> AxisCovariance:
         axis = later
 
 
-def expected_position_std(
-    config: EstimatorConfig, times_s: FloatArray, depths_m: FloatArray, interval_s: float
-) -> FloatArray:
-    r"""Predict how well the robot will know its position at points that follow a stay on top.
+class ExpectedPosition:
+    """How well a robot will know its position along dives that each follow a stay on top.
+
+    Every dive begins with the same covariance and, as long as it gets no fix at a point, goes on
+    alike: that course is worked out once, as far as the longest dive needs it.
 
     Args:
         config: Noise that the filter assumes.
-        times_s: Time of each point since the start, ascending, shape ``(m,)``.
-        depths_m: Depth of each, shape ``(m,)``.
-        interval_s: Time between fixes before the start.
-
-    Returns:
-        :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(m,)``, m.
+        interval_s: Time between fixes before a dive, and between most points of one.
     """
-    axis = surface_covariance(config, interval_s)
-    std = np.empty(len(times_s))
-    before = blind_s = 0.0
-    for i, (time, depth) in enumerate(zip(times_s, depths_m, strict=True)):
-        has_fix = depth <= config.surface_depth_m
-        axis = axis.step(config, time - before, has_fix=has_fix)
-        blind_s = 0.0 if has_fix else blind_s + time - before
-        variance = axis.position + (config.steady_current_m_s * blind_s) ** 2
-        std[i] = config.doubt * math.sqrt(variance)
-        before = time
-    return std
+
+    def __init__(self, config: EstimatorConfig, interval_s: float) -> None:
+        self._config, self._interval_s = config, interval_s
+        self._unseen = [surface_covariance(config, interval_s)]
+        """After so many intervals without a fix."""
+
+    def std(self, times_s: FloatArray, depths_m: FloatArray) -> FloatArray:
+        r"""Predict it for the points of one dive.
+
+        Args:
+            times_s: Time of each point since the start, ascending, shape ``(m,)``.
+            depths_m: Depth of each, shape ``(m,)``.
+
+        Returns:
+            :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(m,)``, m.
+        """
+        config, axis = self._config, self._unseen[0]
+        std: list[float] = []
+        alike, before, blind_s = 0, 0.0, 0.0
+        for time, depth in zip(times_s.tolist(), depths_m.tolist(), strict=True):
+            step_s, has_fix = time - before, depth <= config.surface_depth_m
+            if alike == len(std) and not has_fix and math.isclose(step_s, self._interval_s):
+                alike += 1
+                axis = self._without_fix(alike)
+            else:
+                axis = axis.step(config, step_s, has_fix=has_fix)
+            blind_s = 0.0 if has_fix else blind_s + step_s
+            variance = axis.position + (config.steady_current_m_s * blind_s) ** 2
+            std.append(config.doubt * math.sqrt(variance))
+            before = time
+        return np.array(std)
+
+    def _without_fix(self, intervals: int) -> AxisCovariance:
+        """Return the covariance after so many intervals without a fix."""
+        while len(self._unseen) <= intervals:
+            later = self._unseen[-1].step(self._config, self._interval_s, has_fix=False)
+            self._unseen.append(later)
+        return self._unseen[intervals]
+
+
+def expected_position_std(
+    config: EstimatorConfig, times_s: FloatArray, depths_m: FloatArray, interval_s: float
+) -> FloatArray:
+    """Predict how well the robot will know its position at the points of one dive.
+
+    ``ExpectedPosition`` says what is given and returned, and does the same for many dives.
+    """
+    return ExpectedPosition(config, interval_s).std(times_s, depths_m)
 
 
 def drifted_variance(config: EstimatorConfig, blind_s: float) -> float:

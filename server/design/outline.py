@@ -9,15 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-import numpy as np
-
 from autonomy.design.document import Design, Waypoint
 from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there, with_patience
 from autonomy.design.way import waypoints_of
-from autonomy.estimation.position import blind_time_s, expected_position_std
+from autonomy.estimation.position import blind_time_s
 from autonomy.planner.check.check import violations
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.leg.edge import legs_duration_s, legs_energy, surfacings
+from autonomy.planner.leg.edge import doubts, legs_duration_s, legs_energy, surfacings
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.planner.work import joules_per_unit
 from autonomy.site import Site
@@ -252,17 +250,9 @@ def _credits(
 
 def worst_std_m(legs: Sequence[Leg], rules: PlannerConfig) -> float:
     """Return the greatest standard deviation of the position between two surfacings, m."""
-    interval_s, worst_m = rules.primitives.point_interval_s, 0.0
-    ends_s, depths_m = [0.0], [0.0]
-    for leg in legs:
-        ends_s.append(ends_s[-1] + leg.duration_s)
-        depths_m.append(leg.end_ned[2])
-        if leg.end_ned[2] > 0.0:
-            continue
-        count = max(1, math.ceil(ends_s[-1] / interval_s))
-        times_s = np.minimum(np.arange(1, count + 1) * interval_s, ends_s[-1])
-        depth_m = np.interp(times_s, ends_s, depths_m)
-        std_m = expected_position_std(rules.position_filter, times_s, depth_m, interval_s)
-        worst_m = max(worst_m, float(std_m.max()))
-        ends_s, depths_m = [0.0], [0.0]
-    return worst_m
+    begin, dives = 0, list[Sequence[Leg]]()
+    for number, leg in enumerate(legs, start=1):
+        if leg.end_ned[2] <= 0.0:
+            dives.append(legs[begin:number])
+            begin = number
+    return max((float(std_m.max()) for _, std_m in doubts(rules, dives)), default=0.0)

@@ -7,7 +7,8 @@ import pytest
 
 from autonomy.planner.approach import after_approach, approach_energy, shortfall, way_in
 from autonomy.planner.check.check import violations
-from autonomy.planner.check.clearance import clearance_m, floor_contact
+from autonomy.planner.check.clearance import clearance_m, floor_contacts
+from autonomy.planner.check.true_ways import TrueWays
 from autonomy.planner.config import PlannedCurrentConfig
 from autonomy.planner.leg.edge import departures, planned_points, propose_edge, surfacings
 from autonomy.planner.leg.primitive import dive, glide, spiral, swim
@@ -92,7 +93,7 @@ def test_the_floor_is_named_with_its_depth_and_place():
 def test_a_ridge_between_the_ends_of_a_leg_is_met():
     config = POOLED.model_copy(update={"keep_outs": ()})
     way = np.array([(0.9, 1.0, 0.44), (2.75, 1.0, 0.44)])
-    assert floor_contact(POOL, way).floor_m == pytest.approx(0.45)
+    assert floor_contacts(POOL, TrueWays.of([way]))[0].floor_m == pytest.approx(0.45)
     under_water = swim(config, (0.9, 1.0, 0.44), (2.5, 1.0, 0.44))
     assert any("of the floor" in text for text in found((under_water,), config))
 

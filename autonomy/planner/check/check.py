@@ -15,11 +15,9 @@ from autonomy.planner.check.water_check import out_of_bounds
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.leg.edge import (
-    POINT_STD,
-    POINT_TIME,
     departures,
+    doubts,
     legs_duration_s,
-    planned_points,
     surfacings,
 )
 from autonomy.planner.plan import Leg
@@ -151,24 +149,30 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     """
     interval, position = config.primitives.point_interval_s, config.position_filter
     allowed = config.max_uncertainty_m
-    begin = 0
-    for number, leg in enumerate(legs):
-        if leg.end_ned[2] > PLACE_TOLERANCE_M:
-            continue
-        points = planned_points(config, legs[begin : number + 1])
-        worst = points[points[:, POINT_STD].argmax()]
-        blind_s = float(worst[POINT_TIME])
+    dives = list(_dives(legs))
+    found = doubts(config, (legs[dive] for dive in dives))
+    for dive, (times_s, std_m) in zip(dives, found, strict=True):
+        worst = int(std_m.argmax())
+        blind_s, worst_m = float(times_s[worst]), float(std_m[worst])
         growth = drifted_variance(position, blind_s + interval) - drifted_variance(
             position, blind_s
         )
-        if worst[POINT_STD] > math.sqrt(allowed**2 + growth):
+        if worst_m > math.sqrt(allowed**2 + growth):
             yield Violation(
                 "max_uncertainty_m",
-                f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "
-                f"{worst[POINT_TIME]:.0f} s after leg {begin + 1} begins; "
+                f"The position becomes uncertain by {worst_m:.2g} m, "
+                f"{blind_s:.0f} s after leg {dive.start + 1} begins; "
                 f"the limit is {allowed:g} m.",
             )
-        begin = number + 1
+
+
+def _dives(legs: tuple[Leg, ...]) -> Iterator[slice]:
+    """Return the numbers of the legs of each dive, from one surfacing to the next."""
+    begin = 0
+    for number, leg in enumerate(legs):
+        if leg.end_ned[2] <= PLACE_TOLERANCE_M:
+            yield slice(begin, number + 1)
+            begin = number + 1
 
 
 def _not_less(distance_m: float) -> str:

@@ -2,14 +2,15 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.table import flow_at, is_uniform
-from autonomy.estimation.position import expected_position_std
+from autonomy.estimation.position import ExpectedPosition
+from autonomy.outline import Indices
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.leg import drift, primitive
 from autonomy.planner.leg.waterway import Waterway, chords, holds_line, waterway_of
@@ -138,11 +139,12 @@ def planned_points(
     """
     points: list[FloatArray] = []
     courses = drift.courses(config, legs, begin_s)
+    certain = ExpectedPosition(config.position_filter, config.primitives.point_interval_s)
     begin, passed_s = 0, 0.0
     for number, leg in enumerate(legs):
         if leg.end_ned[2] <= 0.0 or number == len(legs) - 1:
             mine = slice(begin, number + 1)
-            dive = _dive_points(config, legs[mine], courses[mine])
+            dive = _dive_points(config, legs[mine], courses[mine], certain)
             begin, end_s = number + 1, passed_s + dive[-1, POINT_TIME]
             dive[:, POINT_TIME] += passed_s
             passed_s = end_s
@@ -150,23 +152,49 @@ def planned_points(
     return np.concatenate(points)
 
 
-def _dive_points(
-    config: PlannerConfig, legs: tuple[Leg, ...], courses: tuple[drift.Course, ...]
-) -> FloatArray:
-    """Return the points of the legs from one surfacing to the next, shape ``(m, 5)``."""
-    ends = np.cumsum([leg.duration_s for leg in legs])
+def doubts(
+    config: PlannerConfig, dives: Iterable[Sequence[Leg]]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Return time since its begin, s, and position std, m, at each point of each dive.
+
+    They are those of ``planned_points`` of that dive; they do not depend on the current.
+    """
+    certain = ExpectedPosition(config.position_filter, config.primitives.point_interval_s)
+    for dive in dives:
+        times_s, legs, left = _point_times(config, dive)
+        begins, ends = np.array([(leg.start_ned[2], leg.end_ned[2]) for leg in dive])[legs].T
+        yield times_s, certain.std(times_s, begins + (1.0 - left) * (ends - begins))
+
+
+def _point_times(
+    config: PlannerConfig, dive: Sequence[Leg]
+) -> tuple[FloatArray, Indices, FloatArray]:
+    """Return when each point of a dive is, on which leg, and which part of that is left then."""
+    durations = np.array([leg.duration_s for leg in dive])
+    ends = np.cumsum(durations)
     interval = config.primitives.point_interval_s
     count = max(math.ceil(ends[-1] / interval - 1e-9), 1)
     times = np.minimum(np.arange(1, count + 1) * interval, ends[-1])  # (m,)
-    points = np.empty((count, 5))
+    legs = np.minimum(np.searchsorted(ends, times), len(dive) - 1)
+    return times, legs, (ends[legs] - times) / durations[legs]
+
+
+def _dive_points(
+    config: PlannerConfig,
+    legs: tuple[Leg, ...],
+    courses: tuple[drift.Course, ...],
+    certain: ExpectedPosition,
+) -> FloatArray:
+    """Return the points of the legs from one surfacing to the next, shape ``(m, 5)``."""
+    times, numbers, left = _point_times(config, legs)
+    points = np.empty((len(times), 5))
     points[:, POINT_TIME] = times
-    for row, time in zip(points, times, strict=True):
-        i = min(int(np.searchsorted(ends, time)), len(legs) - 1)
-        left = (ends[i] - time) / legs[i].duration_s
-        row[POINT_NORTH:POINT_STD] = drift.position_at(legs[i], courses[i], 1.0 - left)
-    points[:, POINT_STD] = expected_position_std(
-        config.position_filter, times, points[:, POINT_DOWN], interval
+    places = (
+        drift.position_at(legs[number], courses[number], part)
+        for number, part in zip(numbers.tolist(), (1.0 - left).tolist(), strict=True)
     )
+    points[:, POINT_NORTH:POINT_STD] = list(places)
+    points[:, POINT_STD] = certain.std(times, points[:, POINT_DOWN])
     return points
 
 
