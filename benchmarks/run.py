@@ -28,6 +28,7 @@ AREAS = {
     "identification": "benchmarks.estimation.identification",
     "identification_coverage": "benchmarks.estimation.identification_coverage",
     "lost_hours": "benchmarks.estimation.lost_hours",
+    "lost_flights": "benchmarks.estimation.lost_flights",
     "energy_use": "benchmarks.estimation.energy_use",
     "field": "benchmarks.field.field",
     "field_speed": "benchmarks.field.field_speed",

@@ -8,8 +8,8 @@ from datetime import datetime, timedelta
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.walk import CHROMIUM, SHOTS, browser_page, open_page
-from tests.e2e.demo import LASTING, Demo
+from tests.browser.walk import CHROMIUM, SHOTS, browser_page, expect_scene, open_page
+from tests.e2e.demo import LASTING, Demo, Json
 
 pytestmark = [
     pytest.mark.browser,
@@ -21,8 +21,8 @@ pytestmark = [
 ROBOT = "grace-1"
 SPEED = 30.0
 LOST_S = 3600.0
-DEPTH_M = 12.0
-GLIDE_M = 18.0
+DEPTH_M = 11.5
+GLIDE_M = 11.0
 DIVES = 4
 WIDTHS = (1440, 900, 400)
 
@@ -64,16 +64,13 @@ def vees(lake: Demo) -> list[dict[str, object]]:
 
 
 def switch(lake: Demo, is_on: bool) -> None:
-    for uri in lake.get(f"/api/robots/{ROBOT}")["links"]:
-        lake.post(f"/api/robots/{ROBOT}/links/plug", {"uri": uri, "plugged": is_on})
+    for link in state(lake)["links"]:
+        body = {"uri": link["uri"], "plugged": is_on}
+        lake.post(f"/api/robots/{ROBOT}/links/plug", body)
 
 
-def state(lake: Demo) -> dict:
+def state(lake: Demo) -> Json:
     return lake.get(f"/api/robots/{ROBOT}/state")
-
-
-def clock(lake: Demo) -> datetime:
-    return datetime.fromisoformat(lake.get("/api/health")["now"])
 
 
 def shoot(page: Page, name: str) -> None:
@@ -108,9 +105,7 @@ def test_lost_robot_is_predicted_and_then_judged_by_its_fix(lake: Demo, window: 
     )
     assert silent
     open_page(window, lake, f"/robot/{ROBOT}")
-    window.get_by_role("radio", name="From above").or_(
-        window.get_by_role("button", name="From above")
-    ).first.click()
+    window.get_by_text("From above", exact=True).click()
     panel = window.get_by_role("region", name="Prediction")
     expect(panel.get_by_text("predicted", exact=True)).to_be_visible()
     expect(panel.get_by_text("Should be at")).to_be_visible()
@@ -135,6 +130,9 @@ def test_lost_robot_is_predicted_and_then_judged_by_its_fix(lake: Demo, window: 
         minutes=10
     ), "what the robot said stays its last word"
     shoot(window, "lost-hour")
+    window.get_by_text("3D", exact=True).click()
+    expect_scene(window)
+    window.screenshot(path=SHOTS / "lost-hour-scene.png")
     switch(lake, is_on=True)
     judged = lake.wait(
         "verdict",

@@ -8,7 +8,7 @@ import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
 import { drawDepth, drawField, type FieldLevel } from './site_picture';
 import type { PredictedMark } from './predicted';
-import { drawPredicted } from './site_predicted';
+import { SitePredicted } from './site_predicted';
 import { drawShapes, type MapShape } from './site_shapes';
 import { SiteRobots, type MapRobot } from './site_robots';
 import type { Sight } from './target_view';
@@ -67,7 +67,7 @@ export class SiteDrawing {
   readonly #comesUp = L.layerGroup();
   readonly #rehearsed = L.layerGroup();
   readonly #expected = L.layerGroup();
-  readonly #silent = L.layerGroup();
+  readonly #silent = new SitePredicted();
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
   readonly #surveyed = L.layerGroup();
@@ -102,7 +102,12 @@ export class SiteDrawing {
     this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
     this.#surveyed.addTo(map);
-    const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected, this.#silent]);
+    const predicted = L.layerGroup([
+      this.#comesUp,
+      this.#rehearsed,
+      this.#expected,
+      this.#silent.group,
+    ]);
     this.#groups = {
       depth: L.layerGroup(),
       field: L.layerGroup(),
@@ -233,7 +238,7 @@ export class SiteDrawing {
 
   /** Where robots that are not heard should be. */
   showPredicted(marks: readonly PredictedMark[]): void {
-    drawPredicted(this.#silent, marks);
+    this.#silent.show(marks);
   }
 
   showTracks(tracks: readonly Track[]): void {
