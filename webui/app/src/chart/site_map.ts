@@ -188,6 +188,8 @@ export class SiteDrawing {
 
   remove(): void {
     this.#base.remove();
+    // Leaflet tells of a change of size up to 200 ms later, also of a map that is gone by then.
+    this.#map.off('moveend');
     this.#map.remove();
   }
 
