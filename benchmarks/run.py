@@ -39,6 +39,7 @@ AREAS = {
     "field_threshold": "benchmarks.field.field_threshold",
     "currents": "benchmarks.field.currents",
     "planner": "benchmarks.planning.planner",
+    "design_check": "benchmarks.planning.design_check",
     "tags": "benchmarks.field.tags",
     "water": "benchmarks.planning.water",
     "base_map": "benchmarks.station.base_map",

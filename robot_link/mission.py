@@ -36,7 +36,8 @@ ONBOARD_FORMAT = 3
 TARGET_FORMAT = 4
 """Format of missions that follow a target."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
-_FLOAT32_EXACT = 2**24
+_LOW, _HIGH = 0.5 - 2**24, 2**24 - 0.5
+"""Between these, a rounded number is one that a float32 holds exactly."""
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
@@ -324,9 +325,9 @@ def _settings_integers(settings: MissionSettings, version: int) -> tuple[int, ..
 
 def _rounded(owner: str, named: dict[str, float]) -> tuple[int, ...]:
     for name, value in named.items():
-        if not math.isfinite(value) or abs(value) >= _FLOAT32_EXACT - 0.5:
+        if not _LOW < value < _HIGH:  # nor if it is no number
             raise ValueError(f"{name} of {owner} is out of the wire's range")
-    return tuple(round(value) for value in named.values())
+    return tuple(map(round, named.values()))
 
 
 def _leg(start: PositionNed, integers: tuple[int, ...], *, may_jump: bool) -> Leg:

@@ -86,6 +86,12 @@ def is_uniform(table: FlowTable) -> bool:
     return table.values.size == 2
 
 
+def uniform_flow(table: FlowTable) -> tuple[float, float]:
+    """Return the one current of a table that has one only, north and east."""
+    north, east = table.values.ravel().tolist()
+    return north, east
+
+
 def largest_speed_m_s(table: FlowTable) -> float:
     """Return the speed of the strongest current of a table."""
     return float(np.hypot(table.values[..., 0], table.values[..., 1]).max())

@@ -88,7 +88,9 @@ class ExpectedPosition:
     def __init__(self, config: EstimatorConfig, interval_s: float) -> None:
         self._config, self._interval_s = config, interval_s
         self._unseen = [surface_covariance(config, interval_s)]
-        """After so many intervals without a fix."""
+        """After so many intervals without a fix, from 0 on."""
+        self._unseen_std: list[float] = []
+        """After so many intervals without a fix, from 1 on."""
 
     def std(self, times_s: FloatArray, depths_m: FloatArray) -> FloatArray:
         r"""Predict it for the points of one dive.
@@ -100,28 +102,38 @@ class ExpectedPosition:
         Returns:
             :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(m,)``, m.
         """
-        config, axis = self._config, self._unseen[0]
-        std: list[float] = []
-        alike, before, blind_s = 0, 0.0, 0.0
-        for time, depth in zip(times_s.tolist(), depths_m.tolist(), strict=True):
+        config, points = self._config, list(zip(times_s.tolist(), depths_m.tolist(), strict=True))
+        alike = self._alike(points)
+        axis, std = self._unseen[alike], self._unseen_std[:alike]
+        before = blind_s = points[alike - 1][0] if alike else 0.0
+        for time, depth in points[alike:]:
             step_s, has_fix = time - before, depth <= config.surface_depth_m
-            if alike == len(std) and not has_fix and math.isclose(step_s, self._interval_s):
-                alike += 1
-                axis = self._without_fix(alike)
-            else:
-                axis = axis.step(config, step_s, has_fix=has_fix)
+            axis = axis.step(config, step_s, has_fix=has_fix)
             blind_s = 0.0 if has_fix else blind_s + step_s
-            variance = axis.position + (config.steady_current_m_s * blind_s) ** 2
-            std.append(config.doubt * math.sqrt(variance))
+            std.append(self._std(axis, blind_s))
             before = time
         return np.array(std)
 
-    def _without_fix(self, intervals: int) -> AxisCovariance:
-        """Return the covariance after so many intervals without a fix."""
-        while len(self._unseen) <= intervals:
-            later = self._unseen[-1].step(self._config, self._interval_s, has_fix=False)
-            self._unseen.append(later)
-        return self._unseen[intervals]
+    def _alike(self, points: list[tuple[float, float]]) -> int:
+        """Return how many points come one interval after the other without a fix.
+
+        As many are known then.
+        """
+        alike, before = 0, 0.0
+        for time, depth in points:
+            is_usual = math.isclose(time - before, self._interval_s)
+            if depth <= self._config.surface_depth_m or not is_usual:
+                break
+            alike, before = alike + 1, time
+        for number in range(len(self._unseen), alike + 1):
+            axis = self._unseen[-1].step(self._config, self._interval_s, has_fix=False)
+            self._unseen.append(axis)
+            self._unseen_std.append(self._std(axis, number * self._interval_s))
+        return alike
+
+    def _std(self, axis: AxisCovariance, blind_s: float) -> float:
+        variance = axis.position + (self._config.steady_current_m_s * blind_s) ** 2
+        return self._config.doubt * math.sqrt(variance)
 
 
 def expected_position_std(

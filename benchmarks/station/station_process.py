@@ -44,6 +44,14 @@ class StationProcess:
         """
         return self._client.get(path).raise_for_status()
 
+    def post(self, path: str, body: Any) -> httpx.Response:
+        """Send a JSON body as a browser does, over the same connection.
+
+        Raises:
+            httpx.HTTPStatusError: If the station refuses.
+        """
+        return self._client.post(path, json=body).raise_for_status()
+
     def cpu_s(self) -> float:
         """Return the processor time that the process has used."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(") ", 1)[1].split()

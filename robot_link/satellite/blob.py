@@ -63,7 +63,8 @@ class Blob:
         Raises:
             ValueError: If the mission is longer than the wire allows.
         """
-        plain = _plain(mission)
+        name = mission.sha256()
+        plain = _plain(mission, name)
         deflated = _deflated(plain)
         is_smaller = len(deflated) < len(plain)
         packed = deflated if is_smaller else plain
@@ -74,7 +75,7 @@ class Blob:
                 f"at most {MOST_LEGS} legs and {MOST_BYTES} bytes travel"
             )
         digest = hashlib.sha256(packed)
-        return cls(packed, codec, digest.hexdigest(), transfer_id_of(packed), mission.sha256())
+        return cls(packed, codec, digest.hexdigest(), transfer_id_of(packed), name)
 
 
 def transfer_id_of(packed: bytes) -> TransferId:
@@ -103,7 +104,7 @@ def mission_of(packed: bytes, codec: int) -> Mission:
         start = (settings[_START], settings[_START + 1])
         legs = unpacked_legs(rows, start, _prices(tuning))
         mission = Mission.from_integers(tuple(settings), legs, tuning, order)
-        is_meant = _check_of(mission) == check
+        is_meant = _check_of(mission.sha256()) == check
     except (ValueError, ArithmeticError) as error:
         raise WireError(f"the mission is none: {error}") from error
     if not is_meant:
@@ -111,14 +112,14 @@ def mission_of(packed: bytes, codec: int) -> Mission:
     return mission
 
 
-def _plain(mission: Mission) -> bytes:
+def _plain(mission: Mission, name: PlanHash) -> bytes:
     settings = mission.settings_integers()
     brought = mission.onboard or mission.tracking
     onboard = () if brought is None else brought.integers()
     start = (settings[_START], settings[_START + 1])
     rows = packed_legs(start, mission.leg_integers(), _prices(mission.onboard))
     return cbor2.dumps(
-        [mission.format, list(settings), list(onboard), rows, _check_of(mission)], canonical=True
+        [mission.format, list(settings), list(onboard), rows, _check_of(name)], canonical=True
     )
 
 
@@ -126,8 +127,8 @@ def _prices(onboard: OnboardSettings | None) -> EnergyConfig:
     return _PRICES if onboard is None else onboard.energy_config()
 
 
-def _check_of(mission: Mission) -> bytes:
-    return bytes.fromhex(mission.sha256())[:_CHECK_BYTES]
+def _check_of(name: PlanHash) -> bytes:
+    return bytes.fromhex(name)[:_CHECK_BYTES]
 
 
 def _content(plain: bytes) -> tuple[int, list[int], list[int], list[int], bytes]:

@@ -49,7 +49,7 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
             "legs.0.start_ned",
             f"The plan begins {legs[0].start_ned[2]:.2f} m under water, not at the surface.",
         )
-    courses = drift.courses(config, legs)
+    courses, has_current = drift.courses(config, legs), drift.has_current(config)
     # durations travel in tenths of a second
     slack_m = PLACE_TOLERANCE_M + _DURATION_STEP_S * drift.speed_m_s(config) * len(legs)
     for number in range(1, len(legs)):
@@ -65,9 +65,7 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
                 f"legs.{number}.start_ned",
                 f"{leg_title(number, leg)} begins {gap:.2f} m from where leg {number} {where}.",
             )
-        elif (
-            drift.has_current(config) and end != before.end_ned and leg.kind is PrimitiveKind.SPIRAL
-        ):
+        elif has_current and end != before.end_ned and leg.kind is PrimitiveKind.SPIRAL:
             yield Violation(
                 f"legs.{number}.kind",
                 f"{leg_title(number, leg)} cannot begin a dive in a current: the robot is not told "

@@ -9,7 +9,7 @@ which one each dive counts on.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from autonomy.current.table import FlowTable, flow_at, is_uniform, largest_speed_m_s
+from autonomy.current.table import FlowTable, flow_at, is_uniform, largest_speed_m_s, uniform_flow
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
@@ -71,7 +71,7 @@ def course_of(config: PlannerConfig, leg: Leg, begin: Carried) -> Course:
     """Return the course of a leg that begins so."""
     table = config.current.table
     if is_uniform(table):
-        return Course(begin, flow_at(table, 0.0, 0.0, 0.0, 0.0))
+        return Course(begin, uniform_flow(table))
     x, y, z = leg.start_ned
     current = flow_at(table, x + begin.north_m, y + begin.east_m, z, begin.time_s)
     for _ in range(ROUNDS):
