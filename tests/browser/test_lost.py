@@ -25,6 +25,7 @@ DEPTH_M = 11.5
 GLIDE_M = 11.0
 DIVES = 4
 WIDTHS = (1440, 900, 400)
+PANELS = ("Prediction", "What it will do by itself", "Battery")
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +74,14 @@ def state(lake: Demo) -> Json:
     return lake.get(f"/api/robots/{ROBOT}/state")
 
 
-def shoot(page: Page, name: str) -> None:
+def shoot(page: Page, name: str, panels: tuple[str, ...] = ()) -> None:
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 950})
         page.wait_for_timeout(800)
-        page.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=width < 1000)
+        page.screenshot(path=SHOTS / f"{name}-{width}.png")
+        for number, panel in enumerate(panels):
+            path = SHOTS / f"{name}-panel{number}-{width}.png"
+            page.get_by_role("region", name=panel, exact=True).screenshot(path=path)
     page.set_viewport_size({"width": 1440, "height": 950})
 
 
@@ -116,7 +120,9 @@ def test_lost_robot_is_predicted_and_then_judged_by_its_fix(lake: Demo, window: 
         acts.get_by_text(re.compile("It ends its mission and comes up for good"))
     ).to_be_visible()
     expect(acts.get_by_text(f"{plan} on board").first).to_be_visible()
-    expect(window.get_by_role("region", name="Battery").get_by_text("Recover by")).to_be_visible()
+    expect(
+        window.get_by_role("region", name="Battery", exact=True).get_by_text("Recover by")
+    ).to_be_visible()
 
     def is_over() -> bool:
         found = lake.get(f"/api/robots/{ROBOT}/prediction")
@@ -129,7 +135,7 @@ def test_lost_robot_is_predicted_and_then_judged_by_its_fix(lake: Demo, window: 
     assert datetime.fromisoformat(state(lake)["position"]["measured_at"]) - said < timedelta(
         minutes=10
     ), "what the robot said stays its last word"
-    shoot(window, "lost-hour")
+    shoot(window, "lost-hour", PANELS)
     window.get_by_text("3D", exact=True).click()
     expect_scene(window)
     window.screenshot(path=SHOTS / "lost-hour-scene.png")
@@ -149,6 +155,6 @@ def test_lost_robot_is_predicted_and_then_judged_by_its_fix(lake: Demo, window: 
     ).to_be_visible()
     verdict = "inside" if judged[0]["is_inside"] else "outside"
     expect(panel.get_by_role("cell", name=verdict).first).to_be_visible()
-    shoot(window, "lost-judged")
+    shoot(window, "lost-judged", PANELS)
     events = lake.get("/api/events", limit="1000")["events"]
     assert any(one["kind"] == "prediction.judged" for one in events)

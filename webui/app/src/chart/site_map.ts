@@ -102,12 +102,8 @@ export class SiteDrawing {
     this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
     this.#surveyed.addTo(map);
-    const predicted = L.layerGroup([
-      this.#comesUp,
-      this.#rehearsed,
-      this.#expected,
-      this.#silent.group,
-    ]);
+    const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected]);
+    predicted.addLayer(this.#silent.group);
     this.#groups = {
       depth: L.layerGroup(),
       field: L.layerGroup(),
@@ -238,7 +234,6 @@ export class SiteDrawing {
     this.#robots.show(robots);
   }
 
-  /** Where robots that are not heard should be. */
   showPredicted(marks: readonly PredictedMark[]): void {
     this.#silent.show(marks);
   }
