@@ -12,9 +12,9 @@ WORLDS = 500
 
 
 def hidden_powers(rng: np.random.Generator) -> np.ndarray:
-    """Return powers about the model's: electronics and each use's own part off by 30 and 50 %."""
-    hotel = PRIOR_W[0] * rng.lognormal(0.0, 0.3)
-    return hotel + np.maximum(PRIOR_W - PRIOR_W[0], 0.05 * PRIOR_W) * rng.lognormal(0.0, 0.5, 5)
+    """Return powers about the model's: electronics and each use's own part off by 40 and 70 %."""
+    hotel = PRIOR_W[0] * rng.lognormal(0.0, 0.4)
+    return hotel + np.maximum(PRIOR_W - PRIOR_W[0], 0.05 * PRIOR_W) * rng.lognormal(0.0, 0.7, 5)
 
 
 def dive(rng: np.random.Generator) -> np.ndarray:
