@@ -28,6 +28,7 @@ FILE_BYTES_MAX: Final = {
     "/api/robots/{robot}/detections": 256 * _MB,
     "/api/base-maps": 2048 * _MB,
     "/api/waters/imports": 256 * _MB,
+    "/api/robots/{robot}/designs/read": 11 * _MB,
     "/api/waters/{water}/current/imports": 512 * _MB,
 }
 """Routes that take files, by their path; anything but a form with files is kept in memory."""

@@ -1,13 +1,13 @@
 """Puts the capability together."""
 
 from server.base.foundation import Foundation
-from server.design import route, template_route
+from server.design import file_route, route, template_route
 from server.design.designs import Designs
 from server.design.sides import Sides
 from server.fleet.fleet import Fleet
 from server.plan.planning import Planning
 
-ROUTERS = (template_route.router, route.router)
+ROUTERS = (template_route.router, file_route.router, route.router)
 
 
 def install(foundation: Foundation) -> None:

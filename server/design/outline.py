@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from autonomy.design.document import Design, Waypoint
+from autonomy.design.document import Design, Manner, Waypoint
 from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there, with_patience
 from autonomy.design.way import waypoints_of
 from autonomy.estimation.position import blind_time_s
@@ -104,6 +104,18 @@ def _usual_deep_m(config: PlannerConfig, rules: PlannerConfig) -> float:
     certain_s = blind_time_s(config.position_filter, rules.max_uncertainty_m**2)
     by_certainty_m = 0.5 * (certain_s - motion.point_interval_s) * motion.glide_speed_m_s
     return min(deepest_m, max(by_certainty_m, motion.depth_change_min_m))
+
+
+def whole_manner(design: Design, around: Surroundings) -> Manner:
+    """Return how a design is flown, with nothing left to the robot."""
+    manner, motion = design.manner, around.config.primitives
+    rules = rules_of(around.config, design, around.site)
+    middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
+    said = {
+        "deep_m": _usual_deep_m(around.config, rules) if manner.deep_m is None else manner.deep_m,
+        "glide_angle_rad": middle if manner.glide_angle_rad is None else manner.glide_angle_rad,
+    }
+    return manner.model_copy(update=said)
 
 
 def outline_view(design: Design, around: Surroundings) -> OutlineView:

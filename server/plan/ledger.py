@@ -18,8 +18,8 @@ from server.plan.document import legs_of, live_plan_view, plan_view, points_of
 from server.plan.drafting import SENDABLE, ages_at, outdated_by
 from server.plan.dry_run import WORKING
 from server.plan.expected import expected_ends_s, expected_of, is_on_leg, off_track_m
+from server.plan.search.survey_round import AHEAD_OF
 from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, PlanSeen, apply, begin, note
-from server.plan.survey_round import AHEAD_OF
 from server.plan.view import (
     LivePlanView,
     OnboardView,

@@ -45,11 +45,11 @@ from server.plan.flow import PlanFlows, PlannedCurrent
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
-from server.plan.round_problem import RoundProblems
-from server.plan.search_request import SearchRequest
+from server.plan.search.request import SearchRequest
+from server.plan.search.round_problem import RoundProblems
+from server.plan.search.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.plan.settings import PlanSettings
 from server.plan.state import PlanChanged, PlanEvidence
-from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.plan.target_check import target_violations
 from server.plan.task import PLAN_SURVEY
 from server.plan.view import DryRunView, ProgressView, ViolationView

@@ -16,11 +16,11 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
 from autonomy.site import Site
 
-LOAD_PLANNER: Final = "server.plan.search_task:load"
+LOAD_PLANNER: Final = "server.plan.search.task:load"
 """Takes nothing and leaves nothing."""
-PLAN_SURVEY: Final = "server.plan.search_task:run"
+PLAN_SURVEY: Final = "server.plan.search.task:run"
 """Takes a ``SurveyProblem``, reports ``ObjectivePoint``, leaves a ``PlanResult``."""
-MAP_STD: Final = "server.plan.search_task:mean_std"
+MAP_STD: Final = "server.plan.search.task:mean_std"
 """Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
 
 

@@ -24,6 +24,7 @@ from db.query.measured.telemetry import track
 from robot_link.report import ActuatorReport
 from server.base.channels import catalogue_in
 from server.recording.table import COMMENT, DERIVED_COLUMN, POSITION_COLUMNS
+from server.water import kml_text
 
 TRACK_POINTS_MAX = 50_000
 _BLOCK_ROWS = 500
@@ -176,16 +177,10 @@ def geojson(session: Session, deployment: DeploymentRecord, robot: RobotRecord) 
 def kml(session: Session, deployment: DeploymentRecord, robot: RobotRecord) -> str:
     """Return the track as KML; heights are negative depths."""
     coordinates, _ = _track(session, deployment, robot)
-    points = " ".join(f"{lon:.7f},{lat:.7f},{height:.2f}" for lon, lat, height in coordinates)
+    places = ((lon, lat, height) for lon, lat, height in coordinates)
     mark = "SIMULATION: " if robot.simulated else ""
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark>'
-        f"<name>{escape(mark + deployment.title)}</name>"
-        "<LineString><altitudeMode>absolute</altitudeMode>"
-        f"<coordinates>{points}</coordinates></LineString>"
-        "</Placemark></Document></kml>\n"
-    )
+    line = kml_text.line(mark + deployment.title, kml_text.coordinates(places, 7, 2))
+    return f"{kml_text.BEGIN}{line}{kml_text.END}"
 
 
 def geojson_sample_blocks(
@@ -231,13 +226,12 @@ def kml_sample_blocks(
         for key, channel in measured.channels.items()
     )
     yield (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
+        f"{kml_text.BEGIN}"
         f'<name>{escape(mark + deployment.title)}</name><Schema id="sample">{fields}</Schema>\n'
     )
     for block in measured.blocks():
         yield "".join(map(_placemark, block))
-    yield "</Document></kml>\n"
+    yield kml_text.END
 
 
 def _named(channel: Channel, is_derived: bool) -> str:

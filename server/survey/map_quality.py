@@ -16,7 +16,7 @@ from server.map.field_model import MODEL_TITLES
 from server.map.group import field_config_of
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.map.view import ScoresView
-from server.plan.round_problem import RoundProblems
+from server.plan.search.round_problem import RoundProblems
 from server.plan.task import MAP_STD
 from server.survey.mission_ledger import MissionLedger
 

@@ -21,8 +21,8 @@ from server.fleet.fleet import Fleet
 from server.map.view import ScoresView
 from server.plan.document import account_of, onboard_view
 from server.plan.drafting import outdated_by
+from server.plan.search.survey_round import counted, planned_energy, survey_status
 from server.plan.state import PlanChanged
-from server.plan.survey_round import counted, planned_energy, survey_status
 from server.survey.view import (
     BudgetView,
     LiveMissionView,

@@ -18,8 +18,8 @@ from server.plan.document import (
 from server.plan.drafting import outdated_by
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
-from server.plan.search_request import SETTINGS_FILTER, SearchRequest
-from server.plan.survey_round import AHEAD_OF
+from server.plan.search.request import SETTINGS_FILTER, SearchRequest
+from server.plan.search.survey_round import AHEAD_OF
 from server.survey.mission_ledger import MissionLedger
 
 _WAITS = ("ready", "stopped", "failed")

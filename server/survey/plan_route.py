@@ -13,7 +13,7 @@ from server.base.view import Body, SettingsDocument
 from server.plan.planning import Planning
 from server.plan.primitive_legs import LegRequest
 from server.plan.route import PlanIdView
-from server.plan.search_request import SearchRequest
+from server.plan.search.request import SearchRequest
 from server.survey.plan_choice import PlanChoices
 from server.survey.surveys import Surveys
 from server.target.planning import TargetPlanning

@@ -22,8 +22,8 @@ from server.plan.document import candidates_of, legs_of, report_of
 from server.plan.drafting import broken_off, outdated_by
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
-from server.plan.search_request import SearchRequest
-from server.plan.survey_round import (
+from server.plan.search.request import SearchRequest
+from server.plan.search.survey_round import (
     AHEAD_OF,
     ENDED_BADLY,
     SurveyStatus,

@@ -22,9 +22,9 @@ from server.base.retry_queue import until_stored
 from server.base.wakeups import Wakeups
 from server.command.state import SurfaceOrdered
 from server.plan.planning import Planning
-from server.plan.search_request import SearchRequest
+from server.plan.search.request import SearchRequest
+from server.plan.search.survey_round import ENDED_BADLY, config_of_round, survey_status
 from server.plan.state import ON_THE_WAY, PlanChanged
-from server.plan.survey_round import ENDED_BADLY, config_of_round, survey_status
 from server.survey.mission_ledger import MissionLedger
 from server.survey.step import SurveySteps, request_of
 from server.transfer.state import TransferFailed

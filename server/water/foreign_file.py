@@ -6,6 +6,7 @@ What is wrong is told as ``ReadingError`` with the line or entry at fault.
 import io
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,7 +166,15 @@ def kmz_document(file: Path | IO[bytes], bytes_max: int = BYTES_MAX) -> bytes:
             first = min(documents, key=lambda e: (e.filename.count("/"), e.filename != "doc.kml"))
             with archive.open(first) as opened:
                 content = opened.read(bytes_max + 1)  # whatever the directory says
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+    except (
+        zipfile.BadZipFile,
+        NotImplementedError,
+        RuntimeError,
+        EOFError,
+        OSError,
+        ValueError,  # of an offset before the beginning
+        zlib.error,
+    ) as error:
         raise ReadingError(("", f"no KMZ archive: {error}")) from error
     if len(content) > bytes_max:
         raise ReadingError((first.filename, f"unpacks to more than {bytes_max >> 20} MB"))

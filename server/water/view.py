@@ -80,6 +80,8 @@ class WaterWords(Body):
     """What the depths count from, in words."""
     tide_offset_m: float | None = Field(default=None, ge=-20.0, le=20.0)
     """How much higher the surface is taken to stand than that."""
+    surface_altitude_m: float | None = Field(default=None, ge=-500.0, le=9000.0)
+    """How high the surface stands above mean sea level, for files that tell altitudes."""
     depth_max_m: float | None = Field(default=None, gt=0.0, le=12_000.0)
     """How deep the water is; needed where neither document nor grid tells."""
     proposals: list[ConfirmedProposal] = Field(default_factory=list, max_length=20)

@@ -34,7 +34,15 @@ from server.water.view import NewWater, WaterChanges, WaterWords
 
 CHART_FOLDER = "water_charts"
 """In the data folder; a copy of the data needs it beside the database."""
-_WORDS = ("name", "kind", "variable", "radio_under_water", "depth_datum", "tide_offset_m")
+_WORDS = (
+    "name",
+    "kind",
+    "variable",
+    "radio_under_water",
+    "depth_datum",
+    "tide_offset_m",
+    "surface_altitude_m",
+)
 Kept = tuple[WaterRecord, tuple[str, ...]]
 """A water with the robots that work there."""
 

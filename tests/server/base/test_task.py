@@ -17,8 +17,8 @@ from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area
 from server.base.problem import Problem
 from server.map.task_model import PLANNING, SCORING, domain_points
-from server.plan import search_task as plan_survey
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
+from server.plan.search import task as plan_survey
 from server.plan.task import MapProblem, SurveyProblem
 
 MINI = PLANNER_PRESETS["miniglider"]

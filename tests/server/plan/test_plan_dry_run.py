@@ -11,7 +11,7 @@ from server.base.worker import WorkerEndedError, WorkerSpentError
 from server.plan import dry_run
 from server.plan.dry_run import DryRuns
 from server.plan.ledger import PlanLedger
-from server.plan.search_request import SearchRequest
+from server.plan.search.request import SearchRequest
 from server.plan.state import PlanEvidence
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, MINI, api_client, open_station, until

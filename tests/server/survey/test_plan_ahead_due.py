@@ -9,9 +9,9 @@ from db.query.mission.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport
 from server.plan.ahead import due_at, is_due, planned_rest, remaining_s, unflown
 from server.plan.document import legs_of, points_of
-from server.plan.search_request import SearchRequest
+from server.plan.search.request import SearchRequest
+from server.plan.search.survey_round import survey_status
 from server.plan.state import PlanEvidence
-from server.plan.survey_round import survey_status
 from tests.server.conftest import FAST, MINI, until
 
 NOW = datetime(2026, 5, 1, tzinfo=UTC)

@@ -49,6 +49,7 @@ export class WaterDraft {
   depthMax = $state('');
   datum = $state('');
   tide = $state('0');
+  altitude = $state('');
   shapes = $state.raw<Shapes>({ outline: [], keepOuts: [], places: [] });
   files = $state.raw<readonly FileDraft[]>([]);
   /** What the next clicks on the map are: corners of the outline, of a keep-out, or a place. */
@@ -86,6 +87,8 @@ export class WaterDraft {
     this.depthMax = plainNumber(site.water.depth_max_m);
     this.datum = site.depth_datum;
     this.tide = plainNumber(site.tide_offset_m);
+    this.altitude =
+      site.surface_altitude_m === null ? '' : plainNumber(site.surface_altitude_m);
     this.frame = site;
     this.shapes = {
       outline: site.chart ? [] : (site.shoreline?.corners_m ?? []),
@@ -314,6 +317,9 @@ export class WaterDraft {
       found.depth_max_m = 'A depth above 0 m is needed, or a grid of depths.';
     }
     if (parseNumber(this.tide) === null) found.tide_offset_m = 'A number of metres is needed.';
+    if (this.altitude.trim() && parseNumber(this.altitude) === null) {
+      found.surface_altitude_m = 'A number of metres is needed, or nothing.';
+    }
     if (!this.hasOutline && !this.water && !this.hasGrid) {
       found.outline = 'Draw the outline, or read it from a file.';
     }
@@ -340,6 +346,7 @@ export class WaterDraft {
       radio_under_water: this.isRadioUnderWater,
       depth_datum: this.datum.trim(),
       tide_offset_m: parseNumber(this.tide) ?? 0,
+      ...(this.altitude.trim() && { surface_altitude_m: parseNumber(this.altitude) }),
       ...(depth !== null && this.depthMax.trim() && { depth_max_m: depth }),
       ...(document && { document }),
       proposals: this.files.map(({ proposal, areHeights, roles }) => ({

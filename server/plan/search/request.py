@@ -6,7 +6,7 @@ from typing import Any
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
-from server.plan.survey_round import AHEAD_OF, REPLACES
+from server.plan.search.survey_round import AHEAD_OF, REPLACES
 
 SETTINGS_FILTER = "settings_filter"
 """Where a plan's document has ``SearchRequest.settings_filter``; plans of an earlier version have

@@ -1,0 +1,1 @@
+"""The search for a round of a survey: what is asked, the problem, and the worker's task."""

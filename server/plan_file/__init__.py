@@ -1,0 +1,1 @@
+"""Missions in and out as files of other programs: QGroundControl, KML, GeoJSON, CSV."""

@@ -1,0 +1,88 @@
+"""What of a design a format cannot express, in words; shown before a file is saved."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from autonomy.design.document import Design, Mooring, Way, Waypoint
+from server.plan_file.leg import WrittenLeg
+
+Format = Literal["qgc_plan", "wpl", "kml", "geojson", "csv"]
+_SPEEDS: Final = ("qgc_plan", "wpl", "csv")
+_MANNERS: Final = ("csv",)
+_KINDS: Final = {
+    "lawnmower": "lawnmower",
+    "expanding_square": "expanding square",
+    "spiral": "spiral",
+    "star": "star",
+    "along_line": "line to follow",
+    "along_isobath": "isobath to follow",
+    "section": "repeated section",
+    "mooring": "virtual mooring",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """One thing that other programs will not see."""
+
+    text: str
+    is_kept: bool
+    """Whether the file keeps it for this program alone, so that reading it again brings it back."""
+
+
+def losses_of(format: Format, design: Design, legs: Sequence[WrittenLeg]) -> tuple[Loss, ...]:
+    """Return what a format does not express of a design."""
+    texts = [*_of_content(format, design), *_of_manner(format, design, legs)]
+    texts += _of_surfacing(format, design)
+    return tuple(Loss(text, is_kept=format == "qgc_plan") for text in texts)
+
+
+def _of_content(format: Format, design: Design) -> list[str]:
+    content = design.content
+    texts: list[str] = []
+    if isinstance(content, Mooring):
+        where = "" if format in ("qgc_plan", "wpl") else f" for {content.duration_s:g} s"
+        texts.append(f"the virtual mooring{where}: only its place is written")
+    elif not isinstance(content, Way):
+        kind = _KINDS.get(content.kind, content.kind.replace("_", " "))
+        texts.append(f"the {kind} as such: its waypoints are written one by one")
+    elif content.returns:
+        texts.append("that it returns to the first waypoint: that one is written again at the end")
+    waypoints: Sequence[Waypoint] = content.waypoints if isinstance(content, Way) else ()
+    named = sum(1 for waypoint in waypoints if waypoint.name)
+    if named and format != "csv":
+        texts.append(f"the names of {named} waypoints" if named > 1 else "the name of a waypoint")
+    return texts
+
+
+def _of_manner(format: Format, design: Design, legs: Sequence[WrittenLeg]) -> list[str]:
+    glides = [leg for leg in legs if leg.motion == "glide"]
+    texts: list[str] = []
+    if glides and format not in _MANNERS:
+        texts.append("that a leg glides to and fro between two depths, and its glide angle")
+        if any(leg.shallow_m > 0.0 for leg in glides):
+            texts.append("the shallow turns below the surface")
+    if format not in _SPEEDS and any(leg.speed_m_s is not None for leg in legs):
+        texts.append("the speeds")
+    if design.manner.floor_clearance_m is not None:
+        texts.append("the clearance above the floor")
+    return texts
+
+
+def _of_surfacing(format: Format, design: Design) -> list[str]:
+    rules = design.surfacing
+    texts: list[str] = []
+    content = design.content
+    waypoints: Sequence[Waypoint] = content.waypoints if isinstance(content, Way) else ()
+    if format != "csv" and any(waypoint.surfaces is not None for waypoint in waypoints):
+        texts.append("at which waypoints the robot comes up")
+    if not rules.at_waypoints:
+        texts.append("that the robot stays under water at its waypoints")
+    if rules.every_s is not None:
+        texts.append(f"that it comes up at least every {rules.every_s:g} s")
+    if rules.at_utc:
+        texts.append(f"that it comes up at {len(rules.at_utc)} times")
+    if rules.max_uncertainty_m is not None:
+        texts.append(f"that it comes up when less certain than {rules.max_uncertainty_m:g} m")
+    return texts
