@@ -1,6 +1,7 @@
 """Connections that ask for nothing are not kept."""
 
 import asyncio
+import socket
 
 import httpx
 import pytest
@@ -37,6 +38,24 @@ async def port(monkeypatch):
     yield server.servers[0].sockets[0].getsockname()[1]
     server.stop()
     await serving
+
+
+async def test_an_answer_in_two_pieces_does_not_wait_for_an_acknowledgement():
+    server = HttpServer(
+        uvicorn.Config(answer, lifespan="off", log_level="error", http=ImpatientHttp)
+    )
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        serving = asyncio.create_task(server.serve(sockets=[listener]))
+        await until(lambda: server.started)
+        _, writer = await asyncio.open_connection(*listener.getsockname())
+        await until(lambda: server.server_state.connections)
+        (taken,) = server.server_state.connections
+        connection = taken.transport.get_extra_info("socket")
+        assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        writer.close()
+        server.stop()
+        await serving
 
 
 @pytest.fixture
