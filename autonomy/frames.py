@@ -22,6 +22,8 @@ WGS84_FLATTENING = 1.0 / 298.257223563
 _SECOND_ECCENTRICITY_SQUARED = 1.0 / (1.0 - WGS84_FLATTENING) ** 2 - 1.0
 _DIRECT_STEPS, _INVERSE_STEPS = 5, 8
 """Each makes the error about 300 times smaller."""
+_NEAR_M = 30.0
+"""Way of a robot for which its latitude and longitude are told linearly."""
 _TINY = 1e-300
 _SAME_NORTH_M = 50.0
 """Within so much of way true north turns by less than 0.001 deg outside of polar waters."""
@@ -159,6 +161,40 @@ def convergence_rad(north_east_m: npt.ArrayLike, origin_latitude_deg: float) -> 
         origin_latitude_deg: Geodetic latitude of the frame's origin.
     """
     return _ends(north_east_m, origin_latitude_deg)[2]
+
+
+class LocalGeodetic:
+    """Tells latitude and longitude of one robot that is asked for many times a second.
+
+    Within 30 m of a place that was converted, what it is away from there is converted linearly:
+    up to 80 deg of latitude that is at most 1 mm off.
+    """
+
+    def __init__(self) -> None:
+        self._here: tuple[float, float] | None = None
+        self._origin_deg = (0.0, 0.0)
+        self._at: list[float] = []
+        self._by_north: list[float] = []
+        self._by_east: list[float] = []
+
+    def at(
+        self, north_m: float, east_m: float, origin_latitude_deg: float, origin_longitude_deg: float
+    ) -> tuple[float, float]:
+        """Return latitude and longitude of a place, deg; ``wgs84_from_ned`` says what is given."""
+        origin_deg = (origin_latitude_deg, origin_longitude_deg)
+        near = self._here is not None and self._origin_deg == origin_deg
+        if self._here is None or not near or math.dist(self._here, (north_m, east_m)) > _NEAR_M:
+            self._here, self._origin_deg = (north_m, east_m), origin_deg
+            places = np.array([[0.0, 0.0], [_NEAR_M, 0.0], [0.0, _NEAR_M]]) + self._here
+            found = wgs84_from_ned(places, *origin_deg)
+            per_m = ((found[1:] - found[0] + 180.0) % 360.0 - 180.0) / _NEAR_M
+            self._at, self._by_north, self._by_east = [found[0].tolist(), *per_m.tolist()]
+        north, east = north_m - self._here[0], east_m - self._here[1]
+        latitude, longitude = (
+            at + north * by_north + east * by_east
+            for at, by_north, by_east in zip(self._at, self._by_north, self._by_east, strict=True)
+        )
+        return latitude, (longitude + 180.0) % 360.0 - 180.0
 
 
 class TrueNorth:

@@ -1,13 +1,13 @@
 """A robot as REST and the live stream say it."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from datetime import datetime
+from typing import Any
 
 from autonomy.channel import key_at_station
-from autonomy.frames import wgs84_from_ned
-from autonomy.planner.plan import PositionNed
-from autonomy.site import Site
+from autonomy.frames import LocalGeodetic
 from autonomy.tracking.phase import TargetPhase
 from db.record import same
 from robot_link.messages import STATE, LinkState
@@ -50,7 +50,6 @@ from server.vehicle.vehicles import Vehicles
 
 _FIELD_LIMIT_S = 120.0
 """Age from which a measurement of a field must look old, at the clock's normal speed."""
-_SAME_PLACE_M = 0.02
 
 
 class FleetViews:
@@ -67,8 +66,7 @@ class FleetViews:
         self._catalogue = channels
         self._vehicles = vehicles
         self._alarm_level = alarm_level
-        self._places: dict[str, tuple[Site, PositionNed, tuple[float, float]]] = {}
-        """A position of late of each robot, in its water, with its latitude and longitude."""
+        self._geodetic: defaultdict[str, LocalGeodetic] = defaultdict(LocalGeodetic)
 
     def robot_view(self, robot: str) -> RobotView:
         """Return a robot as the fleet's list shows it."""
@@ -98,31 +96,32 @@ class FleetViews:
 
     def state_view(self, robot: str) -> StateView:
         """Return the newest value of everything that a robot reports."""
-        status = self._fleet.status(robot)
-        return StateView(
-            robot=robot,
-            channels=self._channels(status),
-            position=self._position(status),
-            mode=None if status.state is None else status.state.mode.name.lower(),
-            activity=self._activity(status),
-            plan=self._onboard_plan(status),
-            waiting_plan=self._waiting_plan(status),
-            link=self._link_view(status),
-            links=link_views(status),
-            clock_fault=None if status.clock_fault is None else status.clock_fault.text,
-            current=self._current(status),
-            actuators=self._actuators(status),
-            vehicle=self._vehicle(status),
-            tracking=self._tracking(status),
-        )
+        return StateView(**self._state(self._fleet.status(robot)))
+
+    def _state(self, status: RobotStatus) -> dict[str, Any]:
+        """Return the fields of ``StateView``."""
+        return {
+            "robot": status.record.id,
+            "channels": self._channels(status),
+            "position": self._position(status),
+            "mode": None if status.state is None else status.state.mode.name.lower(),
+            "activity": self._activity(status),
+            "plan": self._onboard_plan(status),
+            "waiting_plan": self._waiting_plan(status),
+            "link": self._link_view(status),
+            "links": link_views(status),
+            "clock_fault": None if status.clock_fault is None else status.clock_fault.text,
+            "current": self._current(status),
+            "actuators": self._actuators(status),
+            "vehicle": self._vehicle(status),
+            "tracking": self._tracking(status),
+        }
 
     def live_view(self, robot: str) -> LiveRobotView:
         """Return a robot as the live stream carries it."""
         status = self._fleet.status(robot)
-        state = self.state_view(robot)
-        return same(
-            LiveRobotView,
-            state,
+        return LiveRobotView(
+            **self._state(status),
             suggestion=_suggestion(status),
             mission_id=status.mission_id,
             plan_id=None if status.plan is None else status.plan.plan_id,
@@ -271,7 +270,10 @@ class FleetViews:
         state = status.state
         if state is None:
             return None
-        latitude_deg, longitude_deg = self._geodetic(status, state.position_ned)
+        site = status.record.site
+        latitude_deg, longitude_deg = self._geodetic[status.record.id].at(
+            *state.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+        )
         return PositionView(
             ned_m=state.position_ned,
             std_m=state.position_std_m if math.isfinite(state.position_std_m) else None,
@@ -282,25 +284,6 @@ class FleetViews:
             received_at=state.received_at,
             age_s=self._fleet.age_s(state.measured_at),
         )
-
-    def _geodetic(self, status: RobotStatus, position_ned: PositionNed) -> tuple[float, float]:
-        """Return latitude and longitude, converted anew after ``_SAME_PLACE_M`` of way.
-
-        The conversion costs more than all the rest of a view that is made ten times a second.
-        """
-        site, robot = status.record.site, status.record.id
-        known = self._places.get(robot)
-        if (
-            known is None
-            or known[0] is not site
-            or math.dist(known[1][:2], position_ned[:2]) > _SAME_PLACE_M
-        ):
-            latitude_deg, longitude_deg = wgs84_from_ned(
-                position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
-            )
-            known = (site, position_ned, (float(latitude_deg), float(longitude_deg)))
-            self._places[robot] = known
-        return known[2]
 
     def _tracking(self, status: RobotStatus) -> TargetReportView | None:
         report = self._fleet.target_shown(status)

@@ -222,8 +222,9 @@ class RobotStatus:
         """What is known of each kind of link, for the choice of one."""
         radio, satellite = self.radio, self.satellite_link
         has_radio = radio is not None or any(is_radio(uri) for uri in self.record.links)
+        state = LinkState.NEVER_HEARD if radio is None else radio.state
         return KnownLinks(
-            radio=self.radio_state if has_radio else None,
+            radio=state if has_radio else None,
             radio_heard_at=None if radio is None else radio.heard_at,
             satellite=None if satellite is None else satellite.state,
             satellite_heard_at=None if satellite is None else satellite.heard_at,

@@ -162,3 +162,15 @@ def test_true_north_follows_a_robot_on_its_way():
     for east in np.arange(0.0, 50_000.0, 40.0):
         exact = float(frames.convergence_rad([1000.0, east], 60.0))
         assert math.degrees(abs(north.convergence_rad(1000.0, float(east)) - exact)) < 1e-3
+
+
+def test_a_robot_on_its_way_is_placed_as_a_single_point_is():
+    generator = np.random.default_rng()
+    for latitude, longitude in ((43.0, 5.0), (-79.0, 179.9999), (0.0, -180.0)):
+        geodetic = frames.LocalGeodetic()
+        way = np.cumsum(generator.normal(0.0, 5.0, (300, 2)), axis=0)
+        found = np.array([geodetic.at(*place, latitude, longitude) for place in way.tolist()])
+        assert frames.ned_from_wgs84(*found.T, latitude, longitude) == pytest.approx(way, abs=2e-3)
+        assert ((found[:, 1] >= -180.0) & (found[:, 1] < 180.0)).all()
+    elsewhere = geodetic.at(*way[-1].tolist(), 60.0, 10.0)
+    assert elsewhere == pytest.approx(tuple(frames.wgs84_from_ned(way[-1], 60.0, 10.0)), abs=1e-12)

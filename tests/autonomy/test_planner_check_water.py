@@ -9,6 +9,7 @@ from autonomy.planner.approach import after_approach, approach_energy, shortfall
 from autonomy.planner.check.check import violations
 from autonomy.planner.check.clearance import clearance_m, floor_contacts
 from autonomy.planner.check.true_ways import TrueWays
+from autonomy.planner.check.water_check import out_of_bounds
 from autonomy.planner.config import PlannedCurrentConfig
 from autonomy.planner.leg.edge import departures, planned_points, propose_edge, surfacings
 from autonomy.planner.leg.primitive import dive, glide, spiral, swim
@@ -240,3 +241,25 @@ def test_points_of_a_plan_in_a_current_are_where_the_robot_really_is():
     points = planned_points(config, legs)
     np.testing.assert_allclose(points[:, 1], 1.0 + 0.01 * points[:, 0], atol=1e-12)
     assert NET.distance_m(points[:, 1], points[:, 2]).min() > config.margin_m
+
+
+def test_what_is_wrong_with_a_leg_does_not_depend_on_the_legs_beside_it():
+    generator = np.random.default_rng()
+    legs = []
+    for _ in range(60):
+        here = (*generator.uniform((-0.5, -0.5), (3.5, 2.0)).tolist(), 0.0)
+        there = (*(np.array(here[:2]) + generator.normal(0.0, 0.4, 2)).tolist(), 0.5)
+        heading, turn_rad = generator.uniform(-3.0, 3.0, 2).tolist()
+        legs += [
+            spiral(POOLED, here, heading, 0.2, turn_rad, 0.6),
+            glide(POOLED, here, there),
+            dive(POOLED, there, 0.0),
+        ]
+    together = [one.message for one in out_of_bounds(tuple(legs), POOLED, POOL)]
+    alone = [
+        one.message.replace("Leg 1 ", f"Leg {number} ")
+        for number, leg in enumerate(legs, start=1)
+        for one in out_of_bounds((leg,), POOLED, POOL)
+    ]
+    assert together == alone
+    assert len(together) > 60
