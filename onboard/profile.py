@@ -21,6 +21,8 @@ class FlightProfile:
     """A glide begins with this speed from swimming."""
     turn_s: float
     """How long it turns at the surface before a dive, about."""
+    coast_s: float
+    """When its tail stops it glides on along the surface as far as in this time at that speed."""
     near_m: float
     """Within this distance a target's direction means nothing any more."""
     aim_m: float
@@ -48,6 +50,7 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         swimming_speed_m_s=0.088,
         entry_speed_m_s=0.015,
         turn_s=15.0,
+        coast_s=12.0,
         near_m=0.10,
         aim_m=0.35,
         arrival_m=0.3,
@@ -65,6 +68,7 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         swimming_speed_m_s=0.150,
         entry_speed_m_s=0.05,
         turn_s=25.0,
+        coast_s=15.0,
         near_m=2.0,
         aim_m=4.0,
         arrival_m=4.0,

@@ -6,7 +6,8 @@ exactly this plan. MAVLink mission items carry the same integers, each exact in 
 
 Only the end of a leg travels: it begins where the one before it ended. Where a robot that aims off
 in a current surfaces, its belief jumps to where it really is, and the next leg begins there; the
-jump travels in the place of the circle, which only spirals have.
+jump travels in the place of the circle, which only spirals have. A stay at the surface has no
+heading; its radius travels in that place.
 
 Format 3 also brings the robot its controller and the prices and kernel that the plan was made with;
 format 2 has none of these, and format 1 no trim either. Format 4 has no legs: it brings the order
@@ -35,13 +36,20 @@ ONBOARD_FORMAT = 3
 """Format of missions with onboard settings."""
 TARGET_FORMAT = 4
 """Format of missions that follow a target."""
-_KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
+_KINDS = (
+    PrimitiveKind.GLIDE,
+    PrimitiveKind.SPIRAL,
+    PrimitiveKind.DIVE,
+    PrimitiveKind.SWIM,
+    PrimitiveKind.KEEP,
+)
+"""By the number that travels; robots that do not know the last refuse it by that number."""
 _LOW, _HIGH = 0.5 - 2**24, 2**24 - 0.5
 """Between these, a rounded number is one that a float32 holds exactly."""
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
-_SPIRAL = _KINDS.index(PrimitiveKind.SPIRAL)
+_SPIRAL, _KEEP = _KINDS.index(PrimitiveKind.SPIRAL), _KINDS.index(PrimitiveKind.KEEP)
 SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TARGET_FORMAT: 7}
 """Integers of the settings in the canonical form, by format."""
 ITEM_FIELDS = 10
@@ -270,7 +278,7 @@ def leg_integers(leg: Leg, end_before: PositionNed) -> tuple[int, ...]:
         ``(kind, x_mm, y_mm, z_mm, speed_mm_s, duration_ds, energy_milli, heading_mrad,
         radius_mm, turn_mrad)`` where x, y, z are the end of the leg. A leg that begins at the
         surface, but not where the one before it ended, has the jump north and east, mm, in the
-        place of radius and turn.
+        place of radius and turn; a stay at the surface has its radius, mm, in that of the heading.
 
     Raises:
         ValueError: If a number is not finite or exceeds what a float32 holds exactly.
@@ -286,6 +294,8 @@ def leg_integers(leg: Leg, end_before: PositionNed) -> tuple[int, ...]:
         "radius": leg.radius_m * 1e3,
         "turn": leg.turn_rad * 1e3,
     }
+    if leg.kind is PrimitiveKind.KEEP:
+        named |= {"heading": leg.radius_m * 1e3, "radius": 0.0, "turn": 0.0}
     if _may_jump(leg, end_before) and leg.start_ned != end_before:
         named["radius"] = (leg.start_ned[0] - end_before[0]) * 1e3
         named["turn"] = (leg.start_ned[1] - end_before[1]) * 1e3
@@ -339,6 +349,10 @@ def _leg(start: PositionNed, integers: tuple[int, ...], *, may_jump: bool) -> Le
     if may_jump and kind != _SPIRAL and _is_surfacing(start, start):
         start = (start[0] + radius / 1e3, start[1] + turn / 1e3, start[2])
         radius = turn = 0
+    if kind == _KEEP:
+        if radius or turn:
+            raise ValueError("a stay at the surface has no circle")
+        heading, radius = 0, heading
     return Leg(
         kind=_KINDS[kind],
         start_ned=start,

@@ -21,6 +21,7 @@ REPEATS_MAX = 100
 """Of a section."""
 _FAR_M = 1e6
 _DEEP_M = 12_000.0
+_KEEP_FAR_M, _KEEP_LONG_S = 10_000.0, 604_800.0
 _CORNERS_MIN = 3
 _CORNERS_MAX = 256
 _TIMES_MAX = 100
@@ -231,6 +232,18 @@ class Mooring(Configuration):
     """How long, from the arrival; at least one profile is flown."""
 
 
+class StationKeep(Configuration):
+    """Staying near a place at the surface for some time."""
+
+    kind: Literal["station_keep"] = "station_keep"
+    place: Spot
+    """Where."""
+    radius_m: float = quantity(..., "m", title="Radius", gt=0.0, le=_KEEP_FAR_M)
+    """How far the robot may drift before it swims back."""
+    duration_s: float = quantity(..., "s", title="Duration", gt=0.0, le=_KEEP_LONG_S)
+    """How long, from the arrival."""
+
+
 class ReferenceRow(Spot):
     """A moment of a reference trajectory."""
 
@@ -273,6 +286,7 @@ Content = Annotated[
     | AlongIsobath
     | Section
     | Mooring
+    | StationKeep
     | Reference,
     Field(discriminator="kind"),
 ]

@@ -12,7 +12,14 @@ from itertools import pairwise
 import numpy as np
 
 from autonomy.current.table import flow_at
-from autonomy.design.document import Design, Manner, Mooring, Reference, Waypoint
+from autonomy.design.document import (
+    Design,
+    Manner,
+    Mooring,
+    Reference,
+    StationKeep,
+    Waypoint,
+)
 from autonomy.design.reference import turns_of
 from autonomy.design.yo_yo import Line, turning_depths
 from autonomy.planner.config import PlannerConfig
@@ -129,6 +136,8 @@ class _Layout:
                 )
         if isinstance(self._design.content, Mooring):
             self._profiles(self._design.content)
+        elif isinstance(self._design.content, StationKeep):
+            self._keep(self._design.content, manners[0])
         return self._found
 
     def _surfaces(self, number: int, manners: Sequence[Manner]) -> bool:
@@ -265,6 +274,17 @@ class _Layout:
                     self._add(number, leg, drift.course_of(config, leg, self._begin))
             if len(self._found.legs) > LEGS_MAX:
                 raise ValueError(f"content.duration_s: it takes more than {LEGS_MAX:,} legs")
+
+    def _keep(self, stay: StationKeep, manner: Manner) -> None:
+        """Stay at the surface until the time is over."""
+        config = _with_speed(self._config, "swim_speed_m_s", manner.swim_speed_m_s)
+        try:
+            leg = primitive.keep(
+                config, self._here, stay.radius_m, stay.duration_s, self._begin.time_s
+            )
+        except ValueError as error:
+            raise ValueError(f"content.place: {error}") from error
+        self._add(0, leg, drift.Course(self._begin, (0.0, 0.0)))
 
     def _time_rule(self, manner: Manner, config: PlannerConfig) -> Callable[[float], bool]:
         """Return whether a climb leads to the surface because it is time, by travelled depth."""

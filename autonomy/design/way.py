@@ -17,6 +17,7 @@ from autonomy.design.document import (
     SpiralOut,
     Spot,
     Star,
+    StationKeep,
     Way,
     Waypoint,
 )
@@ -43,7 +44,7 @@ def waypoints_of(design: Design, site: Site, spacing_m: float) -> tuple[Waypoint
     if isinstance(content, Way):
         first = content.waypoints[:1] if content.returns else ()
         return (*content.waypoints, *first)
-    if isinstance(content, Mooring):
+    if isinstance(content, Mooring | StationKeep):
         return (Waypoint(north_m=content.place.north_m, east_m=content.place.east_m),)
     if isinstance(content, Reference):
         return tuple(

@@ -58,6 +58,11 @@ class PrimitiveConfig(Configuration):
     """Shortest swim; the robot does not hold a course over less."""
     swim_length_max_m: float = quantity(0.6, "m", title="Longest swim", gt=0.0)
     """Longest swim between two other primitives, or at the end before a surfacing."""
+    keep_radius_min_m: float = quantity(
+        0.6, "m", title="Tightest station keeping", gt=0.0, advanced=True
+    )
+    """Smallest radius within which the robot can stay at the surface: it must be able to tell that
+    it has swum back."""
     swims_under_water: bool = quantity(True, title="Swim under water", advanced=True)
     """Whether the robot may swim at depth, which needs neutral trim; else only at the surface."""
     depth_change_min_m: float = quantity(0.1, "m", title="Smallest depth change", gt=0.0)

@@ -10,12 +10,16 @@ PositionNed = tuple[float, float, float]
 
 
 class PrimitiveKind(StrEnum):
-    """The four motion primitives (thesis Table 5.1)."""
+    """The four motion primitives (thesis Table 5.1), and keeping a place at the surface.
+
+    No search makes a ``KEEP``; people ask for it.
+    """
 
     GLIDE = "glide"
     SPIRAL = "spiral"
     DIVE = "dive"
     SWIM = "swim"
+    KEEP = "keep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,8 @@ class Leg:
     ``speed_m_s`` is the vertical speed (a magnitude) of a glide, spiral or dive, and the speed
     over ground of a swim. A spiral turns by ``turn_rad`` (positive to starboard, seen from above
     clockwise) on a circle of ``radius_m``, entered at ``heading_rad``; both are 0 for the others.
+    A keep stays within ``radius_m`` of its end, which lies at the surface, for its duration; its
+    speed is that of swimming back, through the water.
     """
 
     kind: PrimitiveKind

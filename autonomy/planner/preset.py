@@ -73,6 +73,7 @@ GRACE3 = PlannerConfig(
         swim_speed_m_s=0.12,
         swim_length_min_m=5.0,
         swim_length_max_m=20.0,
+        keep_radius_min_m=6.0,
         swims_under_water=False,
         depth_change_min_m=5.0,
         bearing_noise_rad=0.3,

@@ -15,6 +15,7 @@ from onboard.flight.course import dive_ends, is_surface
 from onboard.flight.drive import Driven
 from onboard.flight.gentle import gait_for
 from onboard.flight.hardware import Readings, SetPoints
+from onboard.flight.keep import Keep
 from onboard.flight.leg import begin_leg, first_course, upstream
 from onboard.flight.maneuver import (
     Flight,
@@ -124,6 +125,8 @@ class Executive:
         self._abort_reason = ""
         self._mission_s = 0.0
         self._surfaced_s = 0.0
+        self._kept_s = 0.0
+        """Time of the stay at the surface, which this leg is, that is over."""
         self.plan_state = OnboardPlanState.NONE
         """State of the plan on board."""
         self.reason = ""
@@ -193,14 +196,14 @@ class Executive:
 
     @property
     def may_switch(self) -> bool:
-        """Whether another plan may take the place of this one: between two dives, or at its end.
+        """Whether another plan may take the place of this one: at the surface, or at its end.
 
         A robot that is held waits where it is.
         """
         if self.plan_state is OnboardPlanState.DONE:
             return self._stage is Stage.IDLE
-        is_up = self._surfaced_s > 0.0 and self._stage in _AT_A_SURFACING
-        return self.is_flying and is_up and not self._hold
+        is_between = self._stage in _AT_A_SURFACING or self._is_keeping
+        return self.is_flying and self._surfaced_s > 0.0 and is_between and not self._hold
 
     def switch_refusal(self, mission: Mission) -> str:
         """Return why a plan that waits could not begin now, or ""."""
@@ -281,11 +284,13 @@ class Executive:
             self._account.pass_time(dt_s)
             if self._flown is not None:
                 self._account.fly_leg(self._flown.share(estimate))
+            if isinstance(self._flown, Keep):
+                self._kept_s = self._flown.passed_s
             self._keep_limits(estimate)
         self.tracking.pass_time(estimate, dt_s)
         self._proceed(estimate, samples_waiting, is_talking=is_talking)
         set_points = self._maneuver.step(estimate, dt_s)
-        if self._stage is Stage.PURSUIT:
+        if self._stage is Stage.PURSUIT or self._is_keeping:
             amplitude, frequency = set_points.tail_amplitude_rad, set_points.tail_frequency_hz
             self._account.beat_tail(amplitude, frequency, dt_s)
         return set_points
@@ -310,7 +315,7 @@ class Executive:
         self.reason = ""
         self.leg = 0
         self._hold = False
-        self._mission_s = 0.0
+        self._mission_s = self._kept_s = 0.0
         self._account = EnergyAccount(self._prices)
         self.tracking.begin(mission)
         self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
@@ -369,9 +374,7 @@ class Executive:
         if not gait.is_near(flight.gait):
             self._flight = replace(flight, gait=gait)
             if self._stage is Stage.LEG and gait.speed_share < flight.gait.speed_share:
-                flown = begin_leg(self._flight, self._dive(), estimate, self._planned_ne_m_s)
-                self._enter(Stage.LEG, flown)
-                self._flown = flown
+                self._fly_leg(estimate)
 
     def _stuck_text(self) -> str:
         """Say which actuator is stuck; "" for none."""
@@ -391,7 +394,7 @@ class Executive:
             self._abort(over)
         elif (
             self._stage is Stage.LEG
-            and not self._comes_up()
+            and not (self._comes_up() or self._is_keeping)
             and danger(self._flight, mission.settings, estimate)
         ):
             self._account.end_leg()
@@ -410,7 +413,8 @@ class Executive:
 
     def _proceed(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> None:
         """Go on to the next stage if this one is over."""
-        if self._hold and self._stage in _BEFORE_A_DIVE:
+        if self._hold and (self._stage in _BEFORE_A_DIVE or self._is_keeping):
+            self._account.end_leg()
             self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
         match self._stage:
             case Stage.IDLE:
@@ -463,6 +467,8 @@ class Executive:
     def _start_ne_m(self, estimate: Estimate) -> tuple[float, float]:
         """Return where to prepare the next dive: as far upstream as the water then carries it."""
         legs, profile = self._dive(), self._flight.profile
+        if legs[0].kind is PrimitiveKind.KEEP:
+            return legs[0].end_ned[:2]
         start = legs[0].start_ned[:2]
         believed = estimate.current.sure_ne_m_s
         if not 0.0 < math.hypot(*believed) < _HOLDING_SHARE * profile.swimming_speed_m_s:
@@ -493,7 +499,7 @@ class Executive:
         flight = self._flight
         # a flat dive sinks with any heading, and keeps it
         headed = next((leg for leg in legs if leg.kind is not PrimitiveKind.DIVE), None)
-        if headed is None or legs[0].kind is PrimitiveKind.SWIM:
+        if headed is None or legs[0].kind in {PrimitiveKind.SWIM, PrimitiveKind.KEEP}:
             self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
         else:
             self._enter(
@@ -522,18 +528,30 @@ class Executive:
             self._end_mission(OnboardPlanState.DONE, "")
 
     def _begin_leg(self, estimate: Estimate) -> None:
-        legs = self._dive()
-        self._account.begin_leg(legs[0])
+        leg = self._legs[self.leg]
+        if leg.kind is PrimitiveKind.KEEP:
+            self._account.end_leg()  # what it swims is charged as it is swum
+        else:
+            self._account.begin_leg(leg)
         self._flight.pilot.reset()
-        flown = begin_leg(self._flight, legs, estimate, self._planned_ne_m_s)
+        self._fly_leg(estimate)
+
+    def _fly_leg(self, estimate: Estimate) -> None:
+        legs, kept_s = self._dive(), self._kept_s
+        flown = begin_leg(self._flight, legs, estimate, self._planned_ne_m_s, kept_s)
         self._enter(Stage.LEG, flown)
         self._flown = flown
+
+    @property
+    def _is_keeping(self) -> bool:
+        return isinstance(self._flown, Keep)
 
     def _end_leg(self, estimate: Estimate) -> None:
         self._account.fly_leg(1.0)
         self._account.end_leg()
         is_last_of_dive = self.leg == self._ends[self.leg]
         self.leg += 1
+        self._kept_s = 0.0
         if not is_last_of_dive:
             self._begin_leg(estimate)
         elif self._flight.is_surfaced(estimate):

@@ -1,4 +1,4 @@
-"""The legs of a plan, flown: glide, spiral, dive; a swim is the maneuver of that name."""
+"""The legs of a plan, flown: glide, spiral, dive; swim and keep are maneuvers of their own."""
 
 import math
 from typing import Protocol
@@ -7,6 +7,7 @@ from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.flight.course import adrift_s, anchored_end, is_surface, wrap
 from onboard.flight.depth_change import DepthChange
 from onboard.flight.hardware import SetPoints
+from onboard.flight.keep import Keep
 from onboard.flight.maneuver import (
     Flight,
     LegManeuver,
@@ -33,6 +34,7 @@ def begin_leg(
     legs: tuple[Leg, ...],
     estimate: Estimate,
     planned_ne_m_s: _NorthEast = _STILL,
+    passed_s: float = 0.0,
 ) -> LegManeuver:
     """Return the maneuver that flies the first of these legs from where the robot is.
 
@@ -41,8 +43,11 @@ def begin_leg(
         legs: The leg to fly, and those after it until the next surfacing.
         estimate: Where the robot is.
         planned_ne_m_s: Current that the plan counts on.
+        passed_s: Time of a stay at the surface that is over already.
     """
     leg = legs[0]
+    if leg.kind is PrimitiveKind.KEEP:
+        return Keep(flight, leg, passed_s)
     end = anchored_end(legs, *estimate.position_ned[:2])
     if leg.kind in {PrimitiveKind.GLIDE, PrimitiveKind.SWIM}:
         end = (*upstream(end[:2], legs[1:], estimate, planned_ne_m_s), end[2])

@@ -1,10 +1,12 @@
 """Limits that bring the robot up: for good, or for the rest of one dive."""
 
+from autonomy.planner.plan import PrimitiveKind
 from autonomy.site import Site
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import ActuatorLimits
 from autonomy.vehicle.trim import trim_flaw
+from onboard.flight.course import is_surface
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate
 from robot_link.mission import Mission, MissionSettings
@@ -66,6 +68,10 @@ def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
             return f"leg {number} leaves the water of {site.name}"
         if leg.speed_m_s <= 0.0:
             return f"leg {number} has no speed"
+        if leg.kind is PrimitiveKind.KEEP and (leg.duration_s <= 0.0 or leg.radius_m <= 0.0):
+            return f"leg {number} keeps a place for no time or within no radius"
+        if leg.kind is PrimitiveKind.KEEP and not is_surface(leg.end_ned[2]):
+            return f"leg {number} keeps a place under water"
     return trim
 
 

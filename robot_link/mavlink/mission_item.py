@@ -20,6 +20,7 @@ _LEG_COMMANDS = (
     grace.MAV_CMD_GRACE_SPIRAL,
     grace.MAV_CMD_GRACE_DIVE,
     grace.MAV_CMD_GRACE_SWIM,
+    grace.MAV_CMD_GRACE_KEEP,
 )
 """In the order of the canonical form's kinds."""
 _TUNING, _TRACK = grace.MAV_CMD_GRACE_TUNING, grace.MAV_CMD_GRACE_TRACK

@@ -4,12 +4,14 @@ Most of a leg follows from the rest: where a spiral ends from its circle, the he
 the duration from the way and the speed, the energy from the duration and the prices. So each of
 these travels as its difference to what both ends expect, which is mostly 0. Row of a leg:
 
-    head        kind + 4 if a circle or jump follows + 8 if no differences follow
+    head        kind modulo 4 + 4 if a circle or jump follows + 8 if no differences follow + 16 if
+                the kind is a stay at the surface, which is the only one above 3
     circle      radius mm, turn mrad; of a spiral also its heading mrad. Of other legs the jump
                 north and east, mm
     ends        north, east: mm from where the leg is expected to end; depth mm, of a swim from
                 where it began
     differences speed mm/s to the leg of that kind before; duration ds, energy 1/1000, heading mrad
+                (of a stay its radius mm, expected to be 0)
 """
 
 import math
@@ -20,11 +22,12 @@ from autonomy.planner.config import EnergyConfig
 LegIntegers = tuple[int, ...]
 """As of ``robot_link.mission.leg_integers``."""
 
-_GLIDE, _SPIRAL, _DIVE, _SWIM = range(4)
+_GLIDE, _SPIRAL, _DIVE, _SWIM, _KEEP = range(5)
 _KIND_MASK = 3
+_IS_KEEP = 16
 _HAS_CIRCLE = 4
 _IS_PLAIN = 8
-_HEAD_MAX = 15
+_HEADS = (*range(16), *range(_IS_KEEP, 32, 4))
 MOST_LEGS = 1000
 """More are no mission that a robot flies between two visits."""
 _WIRE_MAX = 2**24
@@ -57,7 +60,7 @@ def packed_legs(
         )
         path.speeds[kind] = speed
         is_plain = not any(differences)
-        head = kind + _HAS_CIRCLE * bool(circle) + _IS_PLAIN * is_plain
+        head = _head_of(kind) + _HAS_CIRCLE * bool(circle) + _IS_PLAIN * is_plain
         rows += (head, *circle, *((heading,) if is_turn else ()))
         rows += (x - expected_x, y - expected_y, z - expected_z)
         rows += () if is_plain else differences
@@ -76,7 +79,7 @@ def unpacked_legs(
     numbers = iter(rows)
     legs: list[LegIntegers] = []
     for head in numbers:
-        if not 0 <= head <= _HEAD_MAX or len(legs) == MOST_LEGS:
+        if head not in _HEADS or len(legs) == MOST_LEGS:
             raise ValueError(f"leg {len(legs) + 1} of the mission is none")
         leg = _next_leg(path, head, numbers, prices)
         if any(abs(number) >= _WIRE_MAX for number in leg):
@@ -85,10 +88,14 @@ def unpacked_legs(
     return tuple(legs)
 
 
+def _head_of(kind: int) -> int:
+    return _IS_KEEP if kind == _KEEP else kind
+
+
 def _next_leg(
     path: "_Path", head: int, numbers: Iterator[int], prices: EnergyConfig
 ) -> LegIntegers:
-    kind = head & _KIND_MASK
+    kind = _KEEP if head & _IS_KEEP else head & _KIND_MASK
     circle = (_number(numbers), _number(numbers)) if head & _HAS_CIRCLE else ()
     path.begin(kind, circle, _number(numbers) if circle and kind == _SPIRAL else None)
     x, y, z = (expected + _number(numbers) for expected in path.expected_end())
@@ -120,7 +127,7 @@ class _Path:
         self._kind = _GLIDE
         self._circle: tuple[int, ...] = ()
         self._heading: int | None = None
-        self.speeds = [0, 0, 0, 0]
+        self.speeds = [0] * (_KEEP + 1)
         """Of the newest leg of each kind, mm/s."""
 
     def begin(self, kind: int, circle: tuple[int, ...], heading: int | None) -> None:
@@ -155,7 +162,7 @@ class _Path:
 
     def expected_duration(self, speed: int) -> int:
         """Return how long the leg should take, ds: by depth, of a swim by distance."""
-        if speed == 0:
+        if speed == 0 or self._kind == _KEEP:
             return 0
         way = abs(self._end[2] - self._start[2])
         if self._kind == _SWIM:
@@ -163,7 +170,9 @@ class _Path:
         return round(10.0 * way / speed)
 
     def expected_heading(self) -> int:
-        """Return the direction of the way, mrad."""
+        """Return the direction of the way, mrad; 0 of a stay, which says its radius instead."""
+        if self._kind == _KEEP:
+            return 0
         if self._heading is not None:
             return self._heading
         north, east = self._end[0] - self._start[0], self._end[1] - self._start[1]

@@ -3,7 +3,16 @@
 from collections.abc import Sequence
 from typing import Any
 
-from autonomy.design.document import WAYPOINTS_MAX, Design, Manner, SurfacingRules, Way, Waypoint
+from autonomy.design.document import (
+    WAYPOINTS_MAX,
+    Design,
+    Manner,
+    Spot,
+    StationKeep,
+    SurfacingRules,
+    Way,
+    Waypoint,
+)
 from autonomy.planner.plan import Leg, PrimitiveKind
 
 _AT_SURFACE_M = 1e-3
@@ -36,13 +45,19 @@ def design_of_legs(legs: Sequence[Leg]) -> Design:
     """Return waypoints that lead along a plan's legs: one at each surfacing.
 
     What a design cannot say, such as a spiral on the way, becomes the glide between the places
-    where the robot comes up.
+    where the robot comes up. A single stay at the surface becomes one again; of others the place
+    alone is left.
 
     Raises:
         ValueError: If there are no legs, or more surfacings than waypoints are allowed.
     """
     if not legs:
         raise ValueError("the plan has no legs")
+    if len(legs) == 1 and legs[0].kind is PrimitiveKind.KEEP:
+        return _stay(legs[0])
+    legs = [leg for leg in legs if leg.kind is not PrimitiveKind.KEEP]
+    if not legs:
+        raise ValueError("the plan only stays at several places")
     first = legs[0].start_ned
     waypoints = [Waypoint(north_m=first[0], east_m=first[1])]
     deepest_m = 0.0
@@ -72,3 +87,9 @@ def design_of_legs(legs: Sequence[Leg]) -> Design:
     return Design(
         content=Way(waypoints=tuple(waypoints)), manner=Manner(), surfacing=SurfacingRules()
     )
+
+
+def _stay(leg: Leg) -> Design:
+    place = Spot(north_m=leg.end_ned[0], east_m=leg.end_ned[1])
+    stay = StationKeep(place=place, radius_m=leg.radius_m, duration_s=leg.duration_s)
+    return Design(content=stay, manner=Manner(swim_speed_m_s=leg.speed_m_s))

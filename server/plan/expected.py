@@ -49,7 +49,9 @@ def expected_ends_s(document: Mapping[str, Any]) -> tuple[float, ...]:
 def is_on_leg(mode: RobotMode | None, leg: Leg) -> bool:
     """Tell whether a robot that does this flies its leg, and does not prepare it."""
     if mode is RobotMode.SWIMMING:
-        return leg.kind is PrimitiveKind.SWIM
+        return leg.kind in {PrimitiveKind.SWIM, PrimitiveKind.KEEP}
+    if mode is RobotMode.SURFACED:
+        return leg.kind is PrimitiveKind.KEEP
     return mode in {RobotMode.GLIDING, RobotMode.SPIRALLING, RobotMode.DIVING}
 
 

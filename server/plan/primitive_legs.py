@@ -18,6 +18,7 @@ _SPEEDS = {
     PrimitiveKind.SPIRAL: "spiral_speed_m_s",
     PrimitiveKind.DIVE: "dive_speed_m_s",
     PrimitiveKind.SWIM: "swim_speed_m_s",
+    PrimitiveKind.KEEP: "swim_speed_m_s",
 }
 
 
@@ -27,11 +28,14 @@ class LegRequest:
 
     kind: PrimitiveKind
     end_ned: PositionNed
-    """Of a dive only the depth counts; of a spiral too, its circle says the rest."""
+    """Of a dive only the depth counts; of a spiral too, its circle says the rest. A stay at the
+    surface is where the leg before ended."""
     speed_m_s: float | None = None
     heading_rad: float = 0.0
     radius_m: float = 0.0
     turn_rad: float = 0.0
+    duration_s: float = 0.0
+    """Of a stay at the surface."""
 
 
 def legs_from(
@@ -103,3 +107,5 @@ def _leg(config: PlannerConfig, here: PositionNed, request: LegRequest) -> Leg:
             return primitive.spiral(
                 config, here, request.heading_rad, request.radius_m, request.turn_rad, depth_m
             )
+        case PrimitiveKind.KEEP:
+            return primitive.keep(config, here, request.radius_m, request.duration_s)

@@ -55,15 +55,18 @@ class LegBody(Body):
 
     kind: PrimitiveKind
     end_ned: tuple[Place, Place, Place]
-    """North, east, depth. Of a dive or spiral only the depth counts."""
+    """North, east, depth. Of a dive or spiral only the depth counts, of a stay at the surface
+    nothing: it keeps where the leg before ended."""
     speed_m_s: float | None = Field(default=None, gt=0.0, le=5.0)
     """Vertical speed, of a swim the speed over ground; by default the planner's."""
     heading_rad: Turn = 0.0
     """Heading at which a spiral is entered."""
     radius_m: float = Field(default=0.0, ge=0.0, le=FAR_M)
-    """Radius of a spiral."""
+    """Radius of a spiral, or of a stay at the surface."""
     turn_rad: Turn = 0.0
     """Angle that a spiral turns through, positive to starboard."""
+    duration_s: float = Field(default=0.0, ge=0.0, le=604_800.0)
+    """How long it stays at the surface."""
 
 
 class PrimitivesPlanRequest(Body):
@@ -129,7 +132,13 @@ async def create_plan(
     if isinstance(body, PrimitivesPlanRequest):
         legs = [
             LegRequest(
-                leg.kind, leg.end_ned, leg.speed_m_s, leg.heading_rad, leg.radius_m, leg.turn_rad
+                leg.kind,
+                leg.end_ned,
+                leg.speed_m_s,
+                leg.heading_rad,
+                leg.radius_m,
+                leg.turn_rad,
+                leg.duration_s,
             )
             for leg in body.legs
         ]

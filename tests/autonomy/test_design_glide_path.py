@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from autonomy.control.trajectory import diagonal, figure_eight
 from autonomy.design.document import (
@@ -12,6 +13,7 @@ from autonomy.design.document import (
     Manner,
     Mooring,
     Reference,
+    StationKeep,
     SurfacingRules,
     Way,
     Waypoint,
@@ -25,6 +27,7 @@ from autonomy.planner.leg.edge import surfacings
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import GRACE3
 from autonomy.site import LAKE
+from server.design.moving import design_of_legs
 
 
 @pytest.fixture
@@ -202,6 +205,36 @@ def test_a_mooring_profiles_at_its_place_for_its_time(rng):
     assert {leg.kind for leg in found.legs} == {PrimitiveKind.SPIRAL}
     assert violations(tuple(found.legs), rules, LAKE) == ()
     assert math.dist(found.legs[-1].end_ned[:2], (north, east)) < 1e-6
+
+
+def test_a_stay_is_one_leg_at_its_place_that_may_be_flown(rng):
+    north, east = rng.uniform(220.0, 280.0, 2)
+    radius, duration = rng.uniform(6.0, 40.0), rng.uniform(60.0, 604_800.0)
+    stay = StationKeep(
+        place={"north_m": north, "east_m": east}, radius_m=radius, duration_s=duration
+    )
+    found, rules = laid(Design(content=stay))
+    (leg,) = found.legs
+    assert (leg.kind, leg.end_ned) == (PrimitiveKind.KEEP, (north, east, 0.0))
+    assert (leg.radius_m, leg.duration_s) == (radius, duration)
+    assert violations((leg,), rules, LAKE) == ()
+    again = design_of_legs(found.legs)
+    assert again.content == stay
+
+
+def test_a_stay_in_a_current_that_is_too_strong_names_its_place():
+    stay = StationKeep(place={"north_m": 250.0, "east_m": 250.0}, radius_m=10.0, duration_s=60.0)
+    design = Design(content=stay)
+    with pytest.raises(ValueError, match=r"content\.place: the current of 0\.3 m/s is too strong"):
+        laid(design, in_current(rules_of(GRACE3, design, LAKE), 0.3, 0.0))
+
+
+def test_a_document_whose_stay_has_no_radius_or_lasts_too_long_is_refused_by_field():
+    place = {"north_m": 0.0, "east_m": 0.0}
+    for wrong in ({"radius_m": 0.0}, {"duration_s": 604_801.0}, {"place": None}):
+        with pytest.raises(ValidationError) as caught:
+            StationKeep(**({"place": place, "radius_m": 10.0, "duration_s": 60.0} | wrong))
+        assert caught.value.errors()[0]["loc"][0] in wrong
 
 
 def test_the_way_there_begins_wherever_the_robot_is(rng):

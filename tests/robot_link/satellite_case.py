@@ -71,6 +71,8 @@ def missions(draw: st.DrawFn) -> Mission:
         circle = {}
         if kind is PrimitiveKind.SPIRAL:
             circle = {"radius_m": draw(st.floats(0.1, 9.0)), "turn_rad": draw(st.floats(-40, 40))}
+        elif kind is PrimitiveKind.KEEP:
+            circle = {"radius_m": draw(st.floats(0.0, 900.0))}
         leg = Leg(
             kind,
             start,

@@ -24,6 +24,7 @@ PRIMITIVE: dict[str, Colour] = {
     "spiral": (196, 140, 255),
     "dive": (255, 176, 92),
     "swim": (120, 220, 160),
+    "keep": (120, 220, 160),
 }
 DRIFT: Colour = (104, 116, 128)
 """Where the robot floated at the surface between missions; no measurement of it matters."""

@@ -13,14 +13,14 @@ from autonomy.planner.check.violation import (
 )
 from autonomy.planner.check.water_check import out_of_bounds
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.leg import primitive
+from autonomy.planner.leg import drift, primitive
 from autonomy.planner.leg.edge import (
     departures,
     doubts,
     legs_duration_s,
     surfacings,
 )
-from autonomy.planner.plan import Leg
+from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import Site
 
 
@@ -112,8 +112,9 @@ def _is_way_free(
 def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     """Check energy against the round's budget, by the planner's own account."""
     energy = 0.0
-    for number, leg in enumerate(legs):
-        due = primitive.energy(leg.kind, leg.duration_s, config.energy)
+    begins_s = _begins_s(legs, config)
+    for number, (leg, begin_s) in enumerate(zip(legs, begins_s, strict=True)):
+        due = primitive.energy_of(config, leg, begin_s)
         energy += due
         if abs(due - leg.energy) > SHARE_TOLERANCE * due + 0.001:
             yield Violation(
@@ -139,6 +140,13 @@ def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
             f"The plan's surfacings send {sent} bytes by satellite; a round may send "
             f"{config.satellite_bytes}.",
         )
+
+
+def _begins_s(legs: tuple[Leg, ...], config: PlannerConfig) -> list[float]:
+    """Return when legs begin, s after the plan; 0 where no leg's price depends on it."""
+    if all(leg.kind is not PrimitiveKind.KEEP for leg in legs):
+        return [0.0] * len(legs)
+    return [course.begin.time_s for course in drift.courses(config, legs)]
 
 
 def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:

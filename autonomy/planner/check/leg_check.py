@@ -88,6 +88,9 @@ def badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
                 f"{leg_title(number, leg)} needs a speed and a duration above 0.",
             )
             continue
+        if leg.kind is PrimitiveKind.KEEP:
+            yield from _not_kept(number, leg, config, course.begin.time_s)
+            continue
         way = _way(leg)
         if abs(way - leg.speed_m_s * leg.duration_s) > SHARE_TOLERANCE * way + PLACE_TOLERANCE_M:
             yield Violation(
@@ -99,6 +102,26 @@ def badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
         reason = _misshapen(leg, config, course.begin.time_s)
         if reason:
             yield Violation(f"legs.{number}.end_ned", f"{leg_title(number, leg)} {reason}.")
+
+
+def _not_kept(number: int, leg: Leg, config: PlannerConfig, begin_s: float) -> Iterator[Violation]:
+    """Check a stay at the surface: where it is, how near, and in which current."""
+    title, least_m = leg_title(number, leg), config.primitives.keep_radius_min_m
+    if max(leg.start_ned[2], leg.end_ned[2]) > PLACE_TOLERANCE_M:
+        text = f"{title} keeps a place {leg.end_ned[2]:.2f} m under water, not at the surface."
+        yield Violation(f"legs.{number}.end_ned", text)
+    if math.dist(leg.start_ned[:2], leg.end_ned[:2]) > leg.radius_m + PLACE_TOLERANCE_M:
+        away_m = math.dist(leg.start_ned[:2], leg.end_ned[:2])
+        text = f"{title} begins {away_m:.2f} m from the place that it keeps within {leg.radius_m:g}"
+        yield Violation(f"legs.{number}.start_ned", f"{text} m.")
+    if leg.radius_m < least_m - PLACE_TOLERANCE_M:
+        text = f"{title} keeps within {leg.radius_m:g} m; the robot can hold {least_m:g} m."
+        yield Violation(f"legs.{number}.radius_m", text)
+    motion = config.primitives.model_copy(update={"swim_speed_m_s": leg.speed_m_s})
+    swimming = config.model_copy(update={"primitives": motion})
+    fault = primitive.keeping_fault(swimming, leg.end_ned, leg.duration_s, begin_s)
+    if fault:
+        yield Violation(f"legs.{number}.end_ned", f"{title}: {fault}.")
 
 
 def _way(leg: Leg) -> float:

@@ -12,6 +12,7 @@ from autonomy.planner.leg import drift
 from autonomy.planner.plan import Leg, PrimitiveKind
 
 CHORD_RAD = 0.02
+_RIM_CORNERS = 65
 _ENDS = (0.0, 1.0)
 
 
@@ -35,7 +36,10 @@ class TrueWays:
 
     @classmethod
     def along(cls, legs: Sequence[Leg], courses: Sequence[drift.Course]) -> Self:
-        """Return the ways that a robot really takes on legs; a spiral is cut into short chords."""
+        """Return the ways that a robot really takes on legs; a spiral is cut into short chords.
+
+        Of a stay at the surface they are the rim of what it may drift to.
+        """
         return cls.of([_true_way(leg, course) for leg, course in zip(legs, courses, strict=True)])
 
     @property
@@ -58,6 +62,11 @@ class TrueWays:
 
 
 def _true_way(leg: Leg, course: drift.Course) -> list[tuple[float, float, float]]:
+    if leg.kind is PrimitiveKind.KEEP:
+        north, east, down = leg.end_ned
+        angles = np.linspace(0.0, 2.0 * np.pi, _RIM_CORNERS)
+        norths, easts = north + leg.radius_m * np.cos(angles), east + leg.radius_m * np.sin(angles)
+        return [(n, e, down) for n, e in zip(norths.tolist(), easts.tolist(), strict=True)]
     parts = _ENDS
     if leg.kind is PrimitiveKind.SPIRAL:
         chords = max(int(np.ceil(abs(leg.turn_rad) / CHORD_RAD)), 1)

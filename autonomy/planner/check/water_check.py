@@ -12,6 +12,7 @@ from autonomy.planner.check.true_ways import TrueWays
 from autonomy.planner.check.violation import Violation, leg_title
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
+from autonomy.planner.leg.edge import is_swim
 from autonomy.planner.leg.waterway import bounds_of, closed_areas
 from autonomy.planner.plan import Leg
 from autonomy.site import Box, Site
@@ -45,7 +46,7 @@ def out_of_bounds(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> I
 def _arrival(legs: tuple[Leg, ...], config: PlannerConfig) -> int:
     """Return how many swims along the surface bring the robot into the domain, 0 if none."""
     for number, leg in enumerate(legs):
-        if not drift.knows_place(leg):
+        if not is_swim(leg):
             return 0
         inside = config.area is None or bool(config.area.contains(*leg.end_ned[:2]))
         if inside and config.domain.contains(*leg.end_ned):

@@ -16,6 +16,7 @@ from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 
 ROUNDS = 2
 """How often the way along which a leg is carried is worked out from how far it is carried."""
+_LEVEL = (PrimitiveKind.SWIM, PrimitiveKind.KEEP)
 MIDPOINTS = (0.25, 0.75)
 """Shares of a leg at which the current is looked up; their mean is that of the leg."""
 
@@ -41,8 +42,8 @@ class Course:
 
 
 def knows_place(leg: Leg) -> bool:
-    """Tell whether the robot sees its position all along a leg: a swim along the surface."""
-    return leg.kind is PrimitiveKind.SWIM and leg.start_ned[2] <= 0.0
+    """Tell whether the robot sees its position all along a leg: one along the surface."""
+    return leg.kind in _LEVEL and leg.start_ned[2] <= 0.0
 
 
 def fresh(config: PlannerConfig, begin_s: float) -> Carried:

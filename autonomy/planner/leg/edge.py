@@ -21,8 +21,15 @@ POINT_TIME, POINT_NORTH, POINT_EAST, POINT_DOWN, POINT_STD = range(5)
 SHAPE_KIND, SHAPE_BEARING, SHAPE_DEPTH, SHAPE_FIRST, SHAPE_SECOND, SHAPE_SIDE = range(6)
 SHAPE_COLUMNS = 6
 """Numbers of each primitive in a shape."""
-_KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
+SEARCHED_KINDS = (
+    PrimitiveKind.GLIDE,
+    PrimitiveKind.SPIRAL,
+    PrimitiveKind.DIVE,
+    PrimitiveKind.SWIM,
+)
+"""What searches chain, by the number in a shape."""
 SAME_PLACE_M = 1e-6
+_KEEP_POINTS_MAX = 500
 AIMS = 3
 """How often a glide is aimed anew where the current is not the same everywhere."""
 
@@ -128,7 +135,8 @@ def planned_points(
 ) -> FloatArray:
     """Return the points of legs, one each ``point_interval_s`` after a surfacing, and its end.
 
-    They are where the robot really is, which in a current is not where it believes to be. Each
+    They are where the robot really is, which in a current is not where it believes to be. Of a
+    stay at the surface, on which nothing changes, there are at most 500. Each
     dive, which ends with the next surfacing, counts its intervals anew and begins with a position
     that is as certain as it becomes at the surface. The first surfacing begins ``begin_s`` after
     the plan, by which the current is looked up.
@@ -173,6 +181,8 @@ def _point_times(
     durations = np.array([leg.duration_s for leg in dive])
     ends = np.cumsum(durations)
     interval = config.primitives.point_interval_s
+    if dive[0].kind is PrimitiveKind.KEEP:
+        interval = max(interval, dive[0].duration_s / _KEEP_POINTS_MAX)
     count = max(math.ceil(ends[-1] / interval - 1e-9), 1)
     times = np.minimum(np.arange(1, count + 1) * interval, ends[-1])  # (m,)
     legs = np.minimum(np.searchsorted(ends, times), len(dive) - 1)
@@ -215,7 +225,7 @@ def _shaped_legs(
     here: PositionNed = (*start_xy, 0.0)
     rows = shape[1:].reshape(-1, SHAPE_COLUMNS)
     for row in rows[: 1 + int(shape[0] * len(rows))]:
-        kind = _KINDS[int(row[SHAPE_KIND] * len(_KINDS))]
+        kind = SEARCHED_KINDS[int(row[SHAPE_KIND] * len(SEARCHED_KINDS))]
         heading = _heading_to(config, here, begin, goal_xy)
         heading += config.primitives.bearing_noise_rad * row[SHAPE_BEARING]
         leg = (
@@ -398,13 +408,18 @@ def refitted(config: PlannerConfig, legs: Sequence[Leg]) -> tuple[Leg, ...]:
         flown = leg
         if leg.kind is PrimitiveKind.GLIDE and leg.end_ned[2] <= 0.0 and following is not None:
             flown, _ = _closing_glide(config, leg.start_ned, begin, following.start_ned[:2])
-        elif drift.knows_place(leg) and math.dist(came_up, leg.end_ned) > SAME_PLACE_M:
+        elif is_swim(leg) and math.dist(came_up, leg.end_ned) > SAME_PLACE_M:
             flown = primitive.swim(config, came_up, leg.end_ned, begin.time_s)
         course = drift.course_of(config, flown, begin)
         came_up = drift.position_at(flown, course, 1.0)
         found.append(flown)
         begin = drift.later(config, flown, course)
     return tuple(found)
+
+
+def is_swim(leg: Leg) -> bool:
+    """Tell whether a leg swims along the surface."""
+    return leg.kind is PrimitiveKind.SWIM and drift.knows_place(leg)
 
 
 def _ahead(here: PositionNed, heading: float, length: float, depth: float) -> PositionNed:

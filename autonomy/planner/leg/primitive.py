@@ -1,14 +1,17 @@
-"""Geometry, duration and energy of the four motion primitives (thesis Table 5.1, Figure 5.2)."""
+"""Geometry, duration and energy of the motion primitives (thesis Table 5.1, Figure 5.2)."""
 
 import math
+from dataclasses import replace
 
-from autonomy.current.table import flow_at
+from autonomy.current.table import flow_at, is_uniform
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.site import Box
 
 HEADWAY_MIN = 0.25
 """Least part of a swim's speed that the current may leave over ground."""
+_KEEPING_MOMENTS = 16
+"""Moments of a stay at which a current that changes is looked up."""
 
 
 def energy(kind: PrimitiveKind, duration_s: float, config: EnergyConfig) -> float:
@@ -25,12 +28,28 @@ def energy(kind: PrimitiveKind, duration_s: float, config: EnergyConfig) -> floa
     }
     work = constant.get(kind)
     if work is None:
-        f = config.tail_frequency_hz
-        phase = 4.0 * math.pi * f * duration_s
-        work = config.swim_factor * (
-            0.5 * math.pi * config.tail_amplitude_rad**2 * f * (math.sin(phase) + phase)
-        )
+        work = _tail_work(duration_s, config)
     return work + config.time_factor * duration_s
+
+
+def _tail_work(duration_s: float, config: EnergyConfig) -> float:
+    f = config.tail_frequency_hz
+    phase = 4.0 * math.pi * f * duration_s
+    return config.swim_factor * (
+        0.5 * math.pi * config.tail_amplitude_rad**2 * f * (math.sin(phase) + phase)
+    )
+
+
+def energy_of(config: PlannerConfig, leg: Leg, begin_s: float = 0.0) -> float:
+    """Return what a leg that begins so long after its plan costs, whatever it says of itself."""
+    if leg.kind is not PrimitiveKind.KEEP:
+        return energy(leg.kind, leg.duration_s, config.energy)
+    motion = config.primitives.model_copy(update={"swim_speed_m_s": leg.speed_m_s})
+    config = config.model_copy(update={"primitives": motion})
+    swum_s = leg.duration_s * keeping_share(
+        config, leg.end_ned, leg.radius_m, leg.duration_s, begin_s
+    )
+    return _tail_work(swum_s, config.energy) + config.energy.time_factor * leg.duration_s
 
 
 def glide(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
@@ -117,6 +136,70 @@ def swim(config: PlannerConfig, start: PositionNed, end: PositionNed, begin_s: f
         energy(PrimitiveKind.SWIM, duration, config.energy),
         heading_rad=bearing(start, end),
     )
+
+
+def keep(
+    config: PlannerConfig,
+    place: PositionNed,
+    radius_m: float,
+    duration_s: float,
+    begin_s: float = 0.0,
+) -> Leg:
+    """Return the stay within a radius of a place at the surface, begun so long after its plan.
+
+    Raises:
+        ValueError: If the current there is too strong to swim against it at some time.
+    """
+    fault = keeping_fault(config, place, duration_s, begin_s)
+    if fault:
+        raise ValueError(fault)
+    speed = config.primitives.swim_speed_m_s
+    here = (place[0], place[1], 0.0)
+    leg = Leg(PrimitiveKind.KEEP, here, here, speed, duration_s, 0.0, radius_m=radius_m)
+    return replace(leg, energy=energy_of(config, leg, begin_s))
+
+
+def keeping_fault(
+    config: PlannerConfig, place: PositionNed, duration_s: float, begin_s: float
+) -> str:
+    """Return that the current is too strong at a place to stay there, "" if it is not."""
+    swims = config.primitives.swim_speed_m_s
+    fastest = max(_speeds_at(config, place, duration_s, begin_s))
+    if swims - fastest >= HEADWAY_MIN * swims:
+        return ""
+    return (
+        f"the current of {fastest:.2g} m/s is too strong to keep a place; "
+        f"the robot swims at {swims:.2g} m/s"
+    )
+
+
+def keeping_share(
+    config: PlannerConfig, place: PositionNed, radius_m: float, duration_s: float, begin_s: float
+) -> float:
+    """Return the part (0..1) of its time that a robot swims to stay within a radius of a place.
+
+    A current c carries it out in ``r / c``, and a robot that swims at s is back in ``r / (s - c)``,
+    so it swims the part ``c / s`` whatever the radius. What nobody knows of the current counts by
+    its mean square. Eddies alone carry it out, as a walk of d per root second and axis, in
+    ``r^2 / (2 d^2)`` in the mean, which adds ``1 / (1 + r s / (2 d^2))``.
+    """
+    swims, position = config.primitives.swim_speed_m_s, config.position_filter
+    speeds = _speeds_at(config, place, duration_s, begin_s)
+    known2 = sum(speed**2 for speed in speeds) / len(speeds)
+    current = math.sqrt(known2 + 2.0 * position.steady_current_m_s**2)
+    walk2 = 2.0 * position.drift_m_sqrt_s**2
+    return min(current / swims + walk2 / (walk2 + radius_m * swims), 1.0)
+
+
+def _speeds_at(
+    config: PlannerConfig, place: PositionNed, duration_s: float, begin_s: float
+) -> list[float]:
+    """Return how fast the water moves at the surface of a place at moments of a stay, m/s."""
+    moments = 1 if is_uniform(config.current.table) else _KEEPING_MOMENTS
+    parts = [(number + 0.5) / moments for number in range(moments)]
+    return [
+        math.hypot(*surface_current(config, place, begin_s + part * duration_s)) for part in parts
+    ]
 
 
 def headway_m_s(

@@ -14,6 +14,7 @@ from autonomy.planner.check.check import violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import (
     SAME_PLACE_M,
+    SEARCHED_KINDS,
     SHAPE_BEARING,
     SHAPE_COLUMNS,
     SHAPE_DEPTH,
@@ -40,7 +41,6 @@ _JOINTS_MAX = 3
 _ATTEMPTS = 40
 """Random edges tried for one joint."""
 _TINY = 1e-12
-_KINDS = tuple(PrimitiveKind)
 
 
 def rebased(
@@ -89,7 +89,7 @@ def shape_of(config: PlannerConfig, edge: Edge) -> FloatArray:
     for row, leg in zip(shape[1:].reshape(-1, SHAPE_COLUMNS), drawn, strict=False):
         change = abs(leg.end_ned[2] - leg.start_ned[2])
         way = math.dist(leg.end_ned[:2], leg.start_ned[:2])
-        row[SHAPE_KIND] = (_KINDS.index(leg.kind) + 0.5) / len(_KINDS)
+        row[SHAPE_KIND] = (SEARCHED_KINDS.index(leg.kind) + 0.5) / len(SEARCHED_KINDS)
         off = leg.heading_rad - bearing(leg.start_ned, goal)
         off = math.remainder(off, 2.0 * math.pi)
         if leg.kind is not PrimitiveKind.DIVE and motion.bearing_noise_rad > 0.0:
@@ -116,7 +116,7 @@ def _part(value: float, low: float, high: float) -> float:
 
 
 def _edges_of(config: PlannerConfig, legs: Sequence[Leg]) -> list[Edge]:
-    """Cut legs at every surfacing, as far as they are whole numbers and connected."""
+    """Cut legs at every surfacing, as far as a search can make such and they are whole numbers."""
     edges: list[Edge] = []
     begin, begin_s = 0, 0.0
     for number, leg in enumerate(legs):
@@ -131,7 +131,8 @@ def _edges_of(config: PlannerConfig, legs: Sequence[Leg]) -> list[Edge]:
 
 def _is_sound(leg: Leg) -> bool:
     numbers = (*leg.start_ned, *leg.end_ned, leg.heading_rad, leg.radius_m, leg.turn_rad)
-    return all(math.isfinite(number) for number in numbers) and 0.0 < leg.duration_s < math.inf
+    is_searched = leg.kind in SEARCHED_KINDS and all(math.isfinite(number) for number in numbers)
+    return is_searched and 0.0 < leg.duration_s < math.inf
 
 
 def _edge(config: PlannerConfig, legs: tuple[Leg, ...], begin_s: float) -> Edge:

@@ -1,9 +1,17 @@
 import type { Leg, Plan, Track } from '../api/types';
 
-/** Points along a leg, north and east; a spiral is drawn as the arc that it is. */
+const RIM_STEPS = 32;
+
+/** Points along a leg, north and east; a spiral and the rim of a stay are drawn as what they are. */
 export function legPoints(leg: Leg): [number, number, number][] {
   const [n0, e0, d0] = leg.start_ned;
   const [n1, e1, d1] = leg.end_ned;
+  if (leg.kind === 'keep') {
+    return Array.from({ length: RIM_STEPS + 1 }, (_, i) => {
+      const angle = (2 * Math.PI * i) / RIM_STEPS;
+      return [n1 + leg.radius_m * Math.cos(angle), e1 + leg.radius_m * Math.sin(angle), d1];
+    });
+  }
   if (leg.kind !== 'spiral' || leg.radius_m <= 0) {
     return [
       [n0, e0, d0],

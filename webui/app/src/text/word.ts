@@ -144,6 +144,10 @@ export const PRIMITIVES: Record<PrimitiveKind, { title: string; help: string }> 
   spiral: { title: 'Spiral', help: 'Sinking or rising on a circle, tail held to one side.' },
   dive: { title: 'Dive', help: 'Straight down or up by buoyancy alone.' },
   swim: { title: 'Swim', help: 'Along the surface, beating its tail.' },
+  keep: {
+    title: 'Keep',
+    help: 'Stays at the surface near a place, and swims back when it drifted beyond its radius.',
+  },
 };
 
 export const FIDELITIES = [

@@ -42,20 +42,25 @@ export interface Translated {
   lost: string[];
 }
 
+/** What the station takes. */
+const HOLD_MAX_S = 36_000;
+
 const tenth = (value: number): number => Math.round(value * 10) / 10;
 
 /** A plan of one of our robots as waypoints: the ends of its legs. */
 export function fromPlan({ legs }: Pick<Plan, 'legs'>): Translated {
-  const rows = legs.map(({ end_ned: [north, east, down] }) => ({
+  const rows = legs.map(({ kind, duration_s, end_ned: [north, east, down] }) => ({
     north_m: tenth(north),
     east_m: tenth(east),
     depth_m: Math.max(0, tenth(down)),
-    hold_s: 0,
+    hold_s: kind === 'keep' ? Math.min(Math.round(duration_s), HOLD_MAX_S) : 0,
   }));
   const lost: string[] = [];
   const spirals = numbersOf(legs, 'spiral');
   const glides = numbersOf(legs, 'glide');
   if (spirals) lost.push(`Spirals become straight ways to their ends: leg ${spirals}.`);
+  const stays = numbersOf(legs, 'keep');
+  if (stays) lost.push(`Stays at the surface lose their radius, and end after 10 h: leg ${stays}.`);
   if (glides) lost.push(`Glides lose their angle and speed: leg ${glides}.`);
   lost.push(
     'Where the robot samples, and when it comes up by itself (uncertainty, time, battery), is not said.',
