@@ -44,11 +44,13 @@ OPEN_TO_VIEWERS = {
     "/api/session",
     "/api/session/ticket",
     "/api/robots/{robot}/parameters/compare",
+    "/api/robots/{robot}/designs/check",
+    "/api/designs/{design}/difference",
 }
 """Signing out, looking on, and comparing: none changes what anybody else sees.
 
-The comparison is a POST because a file travels in its body; it reads what the robot said last and
-writes nothing.
+Comparisons and checks are a POST because a file or a document travels in the body; they write
+nothing.
 """
 ADMIN_ONLY = {
     "/api/people",

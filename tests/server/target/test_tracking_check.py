@@ -262,7 +262,7 @@ def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
 def test_a_satellite_record_tells_of_the_target_as_radio_does():
     state, report = state_report(MINI), target_report(0, TargetPhase.LOST)
     content = MobileOriginatedContent(counter=3, state=state, target=report)
-    assert values_of(content, MINI, NOW, NOW, lambda digits: None) == [state, report]
+    assert values_of(content, MINI, NOW, NOW, lambda _: None, lambda _: None) == [state, report]
 
 
 ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
