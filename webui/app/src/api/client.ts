@@ -3,6 +3,7 @@ import type { components, paths } from './generated/station';
 import { done, newKey, of, told, versioned } from './call';
 import { ChannelApi } from './channel';
 import { DemoApi } from './demo';
+import { DesignApi } from './design';
 import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { TagApi } from './tag';
@@ -68,6 +69,7 @@ export class Api {
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
   readonly demo = new DemoApi(this.#http);
+  readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
   readonly water = new WaterApi(this.#http);
   readonly outlook = new OutlookApi(this.#http);

@@ -1,11 +1,13 @@
 import * as L from 'leaflet';
-import type { Area, BaseMap, Box, ComesUp, Flow, FlownPoint, Leg, Site, Track } from '../api/types';
+import type { Area, BaseMap, ComesUp, Flow, FlownPoint, Leg, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
-import { arrowLines, ellipseLine, flowText, scaleOf, told, type Line } from './flow_arrow';
+import { arrowLines, ellipseLine, flowText, scaleOf, told } from './flow_arrow';
 import { BaseLayer } from './base_layer';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
+import { boundsOf, drawFrame, plain } from './site_frame';
+import { SiteDesign, type DesignHandlers, type DesignPicture } from './site_design';
 import { drawDepth, drawField, type FieldLevel } from './site_picture';
 import type { PredictedMark } from './predicted';
 import { SitePredicted } from './site_predicted';
@@ -71,6 +73,7 @@ export class SiteDrawing {
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
   readonly #surveyed = L.layerGroup();
+  readonly #design: SiteDesign;
   readonly #base: BaseLayer;
   readonly #water: L.LatLngBounds;
   readonly #site: Site;
@@ -119,6 +122,7 @@ export class SiteDrawing {
     this.#sketches.addTo(map);
     this.#ghost.addTo(map);
     this.#robots = new SiteRobots(map);
+    this.#design = new SiteDesign(map);
     this.#listen(handlers);
     this.fit();
   }
@@ -182,7 +186,12 @@ export class SiteDrawing {
     if (this.#isFollowing) this.fit();
   }
 
+  showDesign(picture: DesignPicture | null, handlers: DesignHandlers | null): void {
+    this.#design.show(picture, handlers);
+  }
+
   remove(): void {
+    this.#design.show(null, null);
     this.#base.remove();
     // Leaflet tells of a change of size up to 200 ms later, also of a map that is gone by then.
     this.#map.off('moveend');
@@ -364,37 +373,4 @@ export class SiteDrawing {
     this.#areas.show(areas, selected, handlers);
     this.#areas.showDrawing(drawing);
   }
-}
-
-function boundsOf(box: Box): L.LatLngBounds {
-  return L.latLngBounds([box.x_min_m, box.y_min_m], [box.x_max_m, box.y_max_m]);
-}
-
-/** The water itself under everything, its shore and the domain of surveys over the pictures. */
-function drawFrame(map: L.Map, site: Site): void {
-  const still = { interactive: false };
-  const below = { ...still, pane: 'water', renderer: L.svg({ pane: 'water' }) };
-  const land = site.shoreline ? ' map-land' : '';
-  const className = `map-water map-${site.kind}${land}`;
-  L.rectangle(boundsOf(site.water), { ...below, className }).addTo(map);
-  if (site.shoreline) {
-    const shore = site.shoreline.corners_m.map(([north, east]): [number, number] => [north, east]);
-    L.polygon(shore, { ...below, className: 'map-lake-floor' }).addTo(map);
-    L.polygon(shore, { ...still, className: 'map-shore' }).addTo(map);
-  }
-  for (const island of site.islands) {
-    L.polygon(plain(island.corners_m), { className: 'map-island' })
-      .bindTooltip(`Island: ${island.name}`, { sticky: true })
-      .addTo(map);
-  }
-  for (const area of site.keep_outs) {
-    L.polygon(plain(area.corners_m), { className: 'map-keep-out' })
-      .bindTooltip(`Keep out: ${area.name}`, { sticky: true })
-      .addTo(map);
-  }
-  L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
-}
-
-function plain(line: Line | Area['corners_m']): [number, number][] {
-  return line.map(([north, east]): [number, number] => [north, east]);
 }

@@ -3,6 +3,7 @@
 export const PAGES = [
   { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
   { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true },
+  { key: 'design', title: 'Design', letter: 'e', hasRobot: true },
   { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true },
   { key: 'track', title: 'Track', letter: 't', hasRobot: true },
   { key: 'map', title: 'Map', letter: 'm', hasRobot: true },

@@ -1,0 +1,192 @@
+/**
+ * What a design of waypoints will cost, worked out in the page while it is dragged.
+ *
+ * The station's check is what counts. The model here is the planner's account of its primitives
+ * (`autonomy/planner/leg/primitive.py`) for a straight way of whole glides; the last answer of the
+ * station scales it, so that between two answers only what was changed since is an estimate.
+ */
+import type { JsonObject } from '../../api/types';
+import { mannerTo, type Design, type Manner, type Spot, type Waypoint } from './document';
+
+/** The planner's settings that the account is made from. */
+export interface Rates {
+  glideSpeed: number;
+  swimSpeed: number;
+  glideEnergy: number;
+  swimFactor: number;
+  timeFactor: number;
+  tailAmplitude: number;
+  tailFrequency: number;
+  /** Time of a surfacing, s. */
+  turnTime: number;
+  fixStd: number;
+  /** Growth of the position's error, m/√s. */
+  drift: number;
+  /** Deep turn and glide angle of a design that says none. */
+  usualDeep: number;
+  usualAngle: number;
+}
+
+/** The figures of a mission. */
+export interface Figures {
+  duration_s: number;
+  energy: number;
+  distance_m: number;
+  surfacings: number;
+  worst_std_m: number;
+}
+
+/** What the page cannot know by itself, from the station's last answer. */
+export interface Account extends Figures {
+  energy_wh: number | null;
+  /** Part of a full battery. */
+  battery_left: number | null;
+  satellite_bytes: number;
+  credits: number | null;
+}
+
+/** The swim to the first place, which is part of the station's account. */
+export type WayThere = Pick<LegFigures, 'distance_m' | 'duration_s' | 'energy'>;
+
+export function ratesOf(planner: JsonObject): Rates {
+  const motion = planner.primitives as Record<string, number>;
+  const energy = planner.energy as Record<string, number>;
+  const mission = planner.mission as Record<string, number>;
+  const filter = planner.position_filter as Record<string, number>;
+  const domain = planner.domain as Record<string, number>;
+  const [flat = 0.35, steep = 1.05] = [motion.glide_angle_min_rad, motion.glide_angle_max_rad];
+  const margin = typeof planner.floor_margin_m === 'number' ? planner.floor_margin_m : 0;
+  return {
+    glideSpeed: motion.glide_speed_m_s ?? 0.05,
+    swimSpeed: motion.swim_speed_m_s ?? 0.1,
+    glideEnergy: energy.glide ?? 1.5,
+    swimFactor: energy.swim_factor ?? 0.2,
+    timeFactor: energy.time_factor ?? 0.005,
+    tailAmplitude: energy.tail_amplitude_rad ?? 0.35,
+    tailFrequency: energy.tail_frequency_hz ?? 1,
+    turnTime: mission.turn_time_s ?? 20,
+    fixStd: filter.fix_std_m ?? 0,
+    drift: filter.drift_m_sqrt_s ?? 0,
+    usualDeep: Math.max(0.1, (domain.depth_max_m ?? 1) - margin),
+    usualAngle: (flat + steep) / 2,
+  };
+}
+
+/** One leg between two places. */
+export interface LegFigures {
+  distance_m: number;
+  duration_s: number;
+  energy: number;
+}
+
+/** Length, time and energy of the way from one place to the next. */
+export function legFigures(rates: Rates, from: Spot, to: Spot, manner: Manner): LegFigures {
+  const distance_m = Math.hypot(to.north_m - from.north_m, to.east_m - from.east_m);
+  if (distance_m === 0) return { distance_m, duration_s: 0, energy: 0 };
+  if (manner.motion === 'swim') {
+    const duration_s = distance_m / (manner.swim_speed_m_s ?? rates.swimSpeed);
+    return { distance_m, duration_s, energy: swimEnergy(rates, duration_s) };
+  }
+  const { slope, deep } = glideOf(rates, manner);
+  const duration_s = (distance_m * slope) / (manner.glide_speed_m_s ?? rates.glideSpeed);
+  const height = Math.max(1e-3, deep - manner.shallow_m);
+  const glides = 2 * divesIn(distance_m * slope, height);
+  const dives = manner.shallow_m <= 0 ? glides / 2 : 1;
+  const atSurface = dives * rates.turnTime;
+  return {
+    distance_m,
+    duration_s: duration_s + atSurface,
+    energy: glides * rates.glideEnergy + rates.timeFactor * (duration_s + atSurface),
+  };
+}
+
+/** How many times down and up a travel through depth is. */
+function divesIn(travel: number, height: number): number {
+  return Math.max(1, Math.ceil(travel / (2 * height) - 1e-9));
+}
+
+function glideOf(rates: Rates, manner: Manner): { slope: number; deep: number } {
+  return {
+    slope: Math.tan(manner.glide_angle_rad ?? rates.usualAngle),
+    deep: manner.deep_m ?? rates.usualDeep,
+  };
+}
+
+function swimEnergy(rates: Rates, duration_s: number): number {
+  const { tailAmplitude, tailFrequency: f } = rates;
+  const phase = 4 * Math.PI * f * duration_s;
+  const work = 0.5 * Math.PI * tailAmplitude ** 2 * f * (Math.sin(phase) + phase);
+  return rates.swimFactor * work + rates.timeFactor * duration_s;
+}
+
+/** The account of a way of waypoints from its first place on. */
+export function estimate(rates: Rates, design: Design): Figures | null {
+  if (design.content.kind !== 'waypoints') return null;
+  const { waypoints, returns } = design.content;
+  const [first] = waypoints;
+  if (!first) return null;
+  const all = returns ? [...waypoints, first] : waypoints;
+  const sum: Figures = { duration_s: 0, energy: 0, distance_m: 0, surfacings: 0, worst_std_m: 0 };
+  let under_s = 0;
+  let longest_s = 0;
+  for (let i = 1; i < all.length; i++) {
+    const [from, to] = [all[i - 1] as Waypoint, all[i] as Waypoint];
+    const manner = mannerTo(to, design.manner);
+    const leg = legFigures(rates, from, to, manner);
+    sum.duration_s += leg.duration_s;
+    sum.energy += leg.energy;
+    sum.distance_m += leg.distance_m;
+    if (manner.motion === 'swim') continue;
+    const { slope, deep } = glideOf(rates, manner);
+    const dives = divesIn(leg.distance_m * slope, deep);
+    const comesUp = to.surfaces ?? design.surfacing.at_waypoints;
+    if (manner.shallow_m <= 0) {
+      sum.surfacings += dives;
+      longest_s = Math.max(longest_s, under_s + leg.duration_s / dives);
+      under_s = 0;
+    } else {
+      under_s += leg.duration_s;
+      longest_s = Math.max(longest_s, under_s);
+      if (comesUp) {
+        sum.surfacings += 1;
+        under_s = 0;
+      }
+    }
+  }
+  sum.worst_std_m = Math.sqrt(rates.fixStd ** 2 + rates.drift ** 2 * longest_s);
+  return sum;
+}
+
+/** The station's last answer, and what the model here said of the same document. */
+export interface Checked {
+  account: Account | null;
+  model: Figures | null;
+  wayThere: WayThere | null;
+}
+
+/** The model's account in the measure of the station's last answer. */
+export function scaledTo(now: Figures, checked: Checked | null): Account {
+  const known = checked?.account ?? null;
+  const before = checked?.wayThere ?? null;
+  const ratio = (key: keyof Figures, fixed = 0) => {
+    const model = checked?.model?.[key] ?? 0;
+    const scale = known && model > 0 ? (known[key] - fixed) / model : 1;
+    return fixed + scale * now[key];
+  };
+  const figures = {
+    duration_s: ratio('duration_s', before?.duration_s),
+    energy: ratio('energy', before?.energy),
+    distance_m: ratio('distance_m'),
+    surfacings: Math.round(ratio('surfacings')),
+    worst_std_m: ratio('worst_std_m'),
+  };
+  const share = known && known.energy > 0 ? figures.energy / known.energy : 1;
+  const ups = known && known.surfacings > 0 ? figures.surfacings / known.surfacings : 1;
+  return {
+    ...figures,
+    energy_wh: typeof known?.energy_wh === 'number' ? known.energy_wh * share : null,
+    battery_left: known?.battery_left ?? null,
+    satellite_bytes: Math.round((known?.satellite_bytes ?? 0) * ups),
+    credits: known?.credits ?? null,
+  };
+}
