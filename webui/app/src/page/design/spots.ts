@@ -211,7 +211,8 @@ function changed<S>(spots: readonly S[], chosen: Chosen, change: (spot: S) => S)
 }
 
 function rounded(value: number): number {
-  return Math.round(value * MM) / MM;
+  // Adding zero turns a negative zero into a plain one.
+  return Math.round(value * MM) / MM + 0;
 }
 
 /** How a change of places is called in the list of steps. */
