@@ -210,7 +210,9 @@ export class SiteDesign {
     }
     for (const { grip, at } of this.#gripList()) {
       if (grip.kind === 'spot') continue;
-      const icon = L.divIcon({ className: `map-grip map-grip-${grip.kind}`, iconSize: [12, 12] });
+      const size = grip.kind === 'leg' ? 9 : 12;
+      const className = `map-grip map-grip-${grip.kind}`;
+      const icon = L.divIcon({ className, iconSize: [size, size] });
       const point = this.#map.containerPointToLatLng([at.x, at.y]);
       L.marker(point, { icon, ...this.#still, keyboard: false }).addTo(this.#handles);
     }
@@ -259,6 +261,8 @@ function place({ north_m, east_m }: Spot): L.LatLng {
 }
 
 function spotMark(spot: Spot, className: string, text: string): L.Marker {
-  const icon = L.divIcon({ className, html: text && `<span>${text}</span>`, iconSize: [20, 20] });
+  const size = className.includes('map-spot-dot') ? 10 : 20;
+  const html = text && `<span>${text}</span>`;
+  const icon = L.divIcon({ className, html, iconSize: [size, size] });
   return L.marker(place(spot), { icon, interactive: false, keyboard: false });
 }

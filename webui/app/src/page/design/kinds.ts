@@ -152,13 +152,19 @@ export function boxIn(domain: Box): BoxShape {
   };
 }
 
-/** A new design of a kind for a water. */
-export function begun(kind: DesignKind, domain: Box): Design {
+/** How much more than the planner's margin a new design keeps above the floor. */
+const CLEARANCE = 1.25;
+
+/** A new design of a kind for a water whose floor plans keep a margin from, m. */
+export function begun(kind: DesignKind, domain: Box, floorMarginM = 0): Design {
   const content = kind.begin(boxIn(domain));
   const depth_m = round(0.5 * domain.depth_max_m, 1);
   return {
     content: content.kind === 'along_isobath' ? { ...content, depth_m } : content,
-    manner: PLAIN_MANNER,
+    manner: {
+      ...PLAIN_MANNER,
+      floor_clearance_m: floorMarginM > 0 ? round(CLEARANCE * floorMarginM, 2) : null,
+    },
     surfacing: PLAIN_SURFACING,
   };
 }
