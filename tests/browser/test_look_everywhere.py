@@ -15,7 +15,7 @@ pytestmark = [
 ]
 
 AXE = ROOT / "webui/app/node_modules/axe-core/axe.min.js"
-PAGES = ["/", "/robot/mini-1", "/plan/mini-1", "/track/mini-1", "/map/mini-1",
+PAGES = ["/", "/robot/mini-1", "/design/mini-1", "/plan/mini-1", "/track/mini-1", "/map/mini-1",
          "/control/mini-1#settings", "/control/mini-1#polar", "/control/mini-1#what-if",
          "/control/mini-1#identify", "/control/mini-1#parameters", "/data/mini-1", "/log",
          "/log#alarms", "/log#satellite", "/settings"]  # fmt: skip

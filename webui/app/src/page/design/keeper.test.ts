@@ -248,15 +248,22 @@ describe('the safety copy', () => {
   test('of a page that was closed in the middle of a drag is offered', () => {
     keeper.preview(design(9), 'Moved waypoint 1');
     const later = new SafetyCopies(memory as unknown as Storage, 'page-2');
-    const [copy] = later.left(station.view(), Date.now() + 60_000);
+    const [copy] = later.left(station.view(), new Set());
     expect(copy).toMatchObject({ document: design(9), what: 'Moved waypoint 1', revision: 1 });
     later.drop('design-1', copy as NonNullable<typeof copy>);
     expect(memory.length).toBe(0);
   });
 
+  test('of a page that is still open is left to that page', () => {
+    keeper.preview(design(9), 'Moved waypoint 1');
+    const later = new SafetyCopies(memory as unknown as Storage, 'page-2');
+    expect(later.left(station.view(), new Set(['page-1']))).toEqual([]);
+    expect(memory.length).toBe(1);
+  });
+
   test('that says what the station says is not', () => {
     keeper.preview(design(0), '');
     const later = new SafetyCopies(memory as unknown as Storage, 'page-2');
-    expect(later.left(station.view(), Date.now() + 60_000)).toEqual([]);
+    expect(later.left(station.view(), new Set())).toEqual([]);
   });
 });

@@ -13,8 +13,45 @@ export interface SafetyCopy {
 }
 
 const PREFIX = 'grace.design.';
-/** A page that lives writes more often than this while it keeps trying. */
-const STILL_MS = 3000;
+const CHANNEL = 'grace.design';
+/** Pages of one browser answer each other within this. */
+const ANSWER_MS = 250;
+
+interface Word {
+  kind: 'who' | 'me';
+  page: string;
+}
+
+/** Which pages of this browser are open on designs; answers the others until it is stopped. */
+export class LivingPages {
+  readonly #channel = new BroadcastChannel(CHANNEL);
+  readonly #page: string;
+  readonly #others = new Set<string>();
+
+  constructor(page: string) {
+    this.#page = page;
+    this.#channel.onmessage = ({ data }: MessageEvent<Word>) => {
+      if (data.kind === 'who') this.#say('me');
+      else this.#others.add(data.page);
+    };
+  }
+
+  /** The other pages that are open now. */
+  async others(): Promise<ReadonlySet<string>> {
+    this.#others.clear();
+    this.#say('who');
+    await new Promise((go) => setTimeout(go, ANSWER_MS));
+    return this.#others;
+  }
+
+  stop(): void {
+    this.#channel.close();
+  }
+
+  #say(kind: Word['kind']): void {
+    this.#channel.postMessage({ kind, page: this.#page } satisfies Word);
+  }
+}
 
 /** Copies of what was changed and is not known to be kept, one a design and page. */
 export class SafetyCopies {
@@ -43,13 +80,18 @@ export class SafetyCopies {
     this.#storage.removeItem(`${PREFIX}${id}.${this.#page}`);
   }
 
-  /** Copies of other pages, closed or broken off, that say something else than the station. */
-  left({ id, document }: Pick<DesignView, 'id' | 'document'>, nowMs = Date.now()): SafetyCopy[] {
+  /** Copies of pages that are no longer open, where they say something else than the station. */
+  left(
+    { id, document }: Pick<DesignView, 'id' | 'document'>,
+    living: ReadonlySet<string>,
+  ): SafetyCopy[] {
     const found: SafetyCopy[] = [];
     for (const key of this.#keys(id)) {
       const copy = read(this.#storage.getItem(key));
-      if (copy === null || same(copy.document, document)) this.#storage.removeItem(key);
-      else if (copy.page !== this.#page && nowMs - copy.at > STILL_MS) found.push(copy);
+      if (copy === null) this.#storage.removeItem(key);
+      else if (living.has(copy.page)) continue;
+      else if (same(copy.document, document)) this.#storage.removeItem(key);
+      else if (copy.page !== this.#page) found.push(copy);
     }
     return found.toSorted((a, b) => b.at - a.at);
   }
