@@ -31,6 +31,8 @@ class EventLog:
         """Of the newest event that was told."""
         self.is_known = asyncio.Event()
         """Set once it is known where the log ended when the station began to read it."""
+        self._grown = asyncio.Event()
+        self._is_closed = False
 
     async def run(self) -> None:
         """Tell of each new event in order, until cancelled."""
@@ -43,10 +45,26 @@ class EventLog:
                 for event in await self._new():
                     self.cursor = event.cursor
                     self._bus.publish(EventLogged(event))
+                    grown, self._grown = self._grown, asyncio.Event()
+                    grown.set()
                 await asyncio.sleep(_REST_S)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_FOREIGN_S):
                         await changed.wait()
+
+    async def grown_beyond(self, cursor: int, longest_s: float) -> bool:
+        """Wait for an event after a cursor; tell whether one came within so long by the wall."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(longest_s):
+                while self.cursor <= cursor and not self._is_closed:
+                    await self._grown.wait()
+                return self.cursor > cursor
+        return False
+
+    def close(self) -> None:
+        """Let nobody wait any longer."""
+        self._is_closed = True
+        self._grown.set()
 
     async def _end(self) -> int:
         """Return the cursor of the newest event, as soon as storage works."""

@@ -78,6 +78,7 @@ class Foundation:
     secrets: SecretStore
     """Keys of robots and accounts with gateways; what it holds is shown to nobody."""
     feed: LiveFeed
+    event_log: EventLog
     workers: WorkerPool
     study_workers: WorkerPool
     """Processes that give way to all others."""
@@ -115,6 +116,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     bus.subscribe(EventLogged, feed.take)
     lifetime = Lifetime(background)
     lifetime.on_closing(feed.close)
+    lifetime.on_closing(event_log.close)
     lifetime.run("live stream", feed.run)
     lifetime.run("event log", event_log.run)
     lifetime.on_closing(workers.hurry)
@@ -136,6 +138,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         configurations=ConfigurationBook(store, clock, bus, channels),
         secrets=SecretStore(settings.secret_dir),
         feed=feed,
+        event_log=event_log,
         workers=workers,
         study_workers=study_workers,
         services=Services(),

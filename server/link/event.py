@@ -7,7 +7,14 @@ once they are committed.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_link.messages import CommandReport, PlanQueue, PlanReport, Sample, UploadReport
+from robot_link.messages import (
+    CommandReport,
+    PlanQueue,
+    PlanReport,
+    Sample,
+    StateReport,
+    UploadReport,
+)
 from robot_link.report import Detection, Reading, ReceiverReport, TargetReport
 
 
@@ -53,10 +60,21 @@ class ValuesStored:
 
 
 @dataclass(frozen=True, slots=True)
+class StateReported:
+    """A robot said how it is; believable, and of one of ours."""
+
+    report: StateReport
+    is_prompt: bool
+    """Whether it came as soon as the robot said it; not so by satellite."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlanReported:
     """A robot said what becomes of the plan on board."""
 
     report: PlanReport
+    is_prompt: bool = True
+    """As of a state."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,6 +71,7 @@ from server.link.event import (
     ReadingsStored,
     ReceiverReported,
     SamplesStored,
+    StateReported,
     TargetReported,
     UploadReported,
     ValuesStored,
@@ -245,7 +246,7 @@ class Ingest:
                 return
             self._plans_told[report.robot] = max(newest, report.measured_at)
         self._fleet.take_plan_report(report)
-        self._bus.publish(PlanReported(report))
+        self._bus.publish(PlanReported(report, is_prompt))
 
     def _take_plan_queue(self, queue: PlanQueue) -> None:
         """Take a word on the waiting plan; whoever brings it leaves out what is overtaken."""
@@ -265,6 +266,7 @@ class Ingest:
         if told is not None:
             self._append(told)
             self._fleet.take_state(told)
+            self._bus.publish(StateReported(told, is_prompt))
 
     def _take_foreign_state(self, report: StateReport) -> None:
         """Take the state of a vehicle of another maker, dated by its arrival, maybe with gaps."""

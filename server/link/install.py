@@ -6,13 +6,21 @@ from robot_link.transport.opening import is_radio
 from server.base.event_bus import ChannelsChanged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched, RobotChanged, SigningChanged, TrackGrew
+from server.fleet.event import LinkSwitched, RobotChanged, RobotReported, SigningChanged, TrackGrew
 from server.fleet.fleet import Fleet
 from server.link import onboard_route, range_route, route, trial_route, waypoint_route
 from server.link.channel_tables import ChannelTables
 from server.link.derived import DerivedValues
-from server.link.event import DetectionsStored, RadiosChanged, SamplesStored, ValuesStored
+from server.link.event import (
+    DetectionsStored,
+    PlanReported,
+    RadiosChanged,
+    SamplesStored,
+    StateReported,
+    ValuesStored,
+)
 from server.link.ingest import Ingest
+from server.link.moments import Moments
 from server.link.parameters import Parameters
 from server.link.radios import LinkFactory, Radios
 from server.link.ranging import Ranging
@@ -123,6 +131,12 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
     bus.subscribe(SettingsChanged, settings_changed)
     bus.subscribe(SigningChanged, signing_changed)
     bus.subscribe(LinkSwitched, switch)
+    moments = Moments(foundation, fleet)
+    bus.subscribe(StateReported, moments.take_state)
+    bus.subscribe(PlanReported, moments.take_plan)
+    bus.subscribe(RobotReported, lambda event: moments.robot_changed(event.robot))
+    foundation.lifetime.on_load(moments.load)
+    foundation.lifetime.run("moments of robots", moments.run)
     foundation.lifetime.on_stop(stop)
     foundation.lifetime.on_start(start)
     foundation.lifetime.run("derived channels", derived.run)

@@ -113,6 +113,7 @@ class Caller:
         """Every mission that it took, with whether it was to start."""
         self.plan = None
         self.plan_state = OnboardPlanState.NONE
+        self.leg = 0
         self.waits = None
         """Mission, whether it starts, and name of its transfer, that waits for a surfacing."""
         self.refuses = ""
@@ -200,4 +201,4 @@ class Caller:
     def _plan(self):
         digits = "" if self.plan is None else self.plan.sha256()[:16]
         legs = 0 if self.plan is None else len(self.plan.legs)
-        return ShortPlanReport(digits, self.plan_state, 0, legs, 0.0)
+        return ShortPlanReport(digits, self.plan_state, self.leg, legs, 0.0)

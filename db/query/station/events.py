@@ -1,6 +1,6 @@
 """Everything that happened, in order, with a cursor that survives a restart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -53,10 +53,27 @@ def add_event(
     return row.cursor
 
 
+def newest_of_kinds(session: Session, robot: str, kinds: Sequence[str]) -> EventRecord | None:
+    """Return the newest event of a robot that is of one of these kinds."""
+    found = session.execute(
+        select(Event, Robot.id)
+        .join(Robot, Event.robot_key == Robot.key)
+        .where(Robot.id == robot, Event.kind.in_(kinds))
+        .order_by(Event.cursor.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if found is None else _record(*found)
+
+
 def events_after(
-    session: Session, cursor: int, *, robot: str | None = None, limit: int = 500
+    session: Session,
+    cursor: int,
+    *,
+    robot: str | None = None,
+    kinds: Sequence[str] = (),
+    limit: int = 500,
 ) -> list[EventRecord]:
-    """Return the events that follow a cursor, the oldest first."""
+    """Return the events that follow a cursor, the oldest first; of these kinds, if any."""
     statement = (
         select(Event, Robot.id)
         .outerjoin(Robot, Event.robot_key == Robot.key)
@@ -66,6 +83,8 @@ def events_after(
     )
     if robot is not None:
         statement = statement.where(Event.robot_key == robot_key(session, robot))
+    if kinds:
+        statement = statement.where(Event.kind.in_(kinds))
     return [_record(row, name) for row, name in session.execute(statement)]
 
 
@@ -74,6 +93,7 @@ def newest_events(
     *,
     robot: str | None = None,
     period: Period | None = None,
+    kinds: Sequence[str] = (),
     limit: int = 100,
 ) -> list[EventRecord]:
     """Return the last events, the oldest of them first."""
@@ -87,6 +107,8 @@ def newest_events(
         statement = statement.where(Event.robot_key == robot_key(session, robot))
     if period is not None:
         statement = statement.where(period.holds(Event.at))
+    if kinds:
+        statement = statement.where(Event.kind.in_(kinds))
     return [_record(row, name) for row, name in session.execute(statement)][::-1]
 
 
