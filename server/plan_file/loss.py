@@ -1,5 +1,6 @@
 """What of a design a format cannot express, in words; shown before a file is saved."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -19,6 +20,7 @@ _KINDS: Final = {
     "along_isobath": "isobath to follow",
     "section": "repeated section",
     "mooring": "virtual mooring",
+    "reference": "reference trajectory",
 }
 
 
@@ -31,9 +33,12 @@ class Loss:
     """Whether the file keeps it for this program alone, so that reading it again brings it back."""
 
 
-def losses_of(format: Format, design: Design, legs: Sequence[WrittenLeg]) -> tuple[Loss, ...]:
-    """Return what a format does not express of a design."""
+def losses_of(
+    format: Format, design: Design, legs: Sequence[WrittenLeg], way: Sequence[Waypoint]
+) -> tuple[Loss, ...]:
+    """Return what a format does not express of a design, whose waypoints are laid out."""
     texts = [*_of_content(format, design), *_of_manner(format, design, legs)]
+    texts += _left_to_the_robot(format, design, legs, way)
     texts += _of_surfacing(format, design)
     return tuple(Loss(text, is_kept=format == "qgc_plan") for text in texts)
 
@@ -67,6 +72,24 @@ def _of_manner(format: Format, design: Design, legs: Sequence[WrittenLeg]) -> li
         texts.append("the speeds")
     if design.manner.floor_clearance_m is not None:
         texts.append("the clearance above the floor")
+    return texts
+
+
+def _left_to_the_robot(
+    format: Format, design: Design, legs: Sequence[WrittenLeg], way: Sequence[Waypoint]
+) -> list[str]:
+    """Name what a design leaves to the robot, of which a file has to say a number."""
+    glides = [
+        (leg, waypoint) for leg, waypoint in zip(legs, way, strict=True) if leg.motion == "glide"
+    ]
+    texts: list[str] = []
+    depths = [leg.depth_m for leg, waypoint in glides if waypoint.deep_m is None]
+    if depths and design.manner.deep_m is None:
+        texts.append(f"that it dives as deep as the robot's surveys: {depths[0]:g} m are written")
+    angles = [leg.glide_angle_rad for leg, own in glides if own.glide_angle_rad is None]
+    if angles and design.manner.glide_angle_rad is None and format in _MANNERS:
+        written_deg = math.degrees(angles[0])
+        texts.append(f"that its glide angle is the robot's own: {written_deg:.3g} deg are written")
     return texts
 
 

@@ -20,6 +20,8 @@ from server.plan_file.proposal import LatitudeLongitude, NorthEast
 
 KEY = "grace"
 VERSION = 1
+_RELATIVE_ROWS = "rows"
+"""Of a reference trajectory: they count from its own origin."""
 _PLACE_DECIMALS = 7
 _DEPTH_DECIMALS = 3
 
@@ -99,7 +101,10 @@ def _brought(
         return [_brought(each, origin, place) for each in value]
     if not isinstance(value, Mapping):
         return value
-    brought = {key: _brought(each, origin, place) for key, each in value.items()}
+    brought = {
+        key: each if key == _RELATIVE_ROWS else _brought(each, origin, place)
+        for key, each in value.items()
+    }
     at = pair_of([brought.get("north_m"), brought.get("east_m")])
     if at is not None:
         latitude, longitude = wgs84_from_ned(at, *origin).tolist()

@@ -9,6 +9,8 @@ from server.plan_file.proposal import AreaRole, Findings, LatitudeLongitude, Rea
 from server.plan_file.stop import Stop, asked_depth, reachable, taken_depth
 from server.water.proposal import Shape
 
+WAYPOINTS = "waypoints"
+"""Word of a line that stands for a single waypoint: the formats want two points of a line."""
 _CLAMPED = ("", "clampToGround")
 _ABOVE_FLOOR = ("relativeToSeaFloor", "clampToSeaFloor")
 
@@ -89,8 +91,8 @@ class ShapeJudge:
                 )
             heights = [None] * len(heights)
         vertices = list(zip(shape.rings[0], heights, strict=True))
-        if len(vertices) == 2 and vertices[0] == vertices[1]:
-            del vertices[1]  # a line needs two points, a way does not
+        if str(shape.words.get(WAYPOINTS)) == "1":
+            del vertices[1:]
         for number, (at, height) in enumerate(vertices, start=1):
             place = f"feature {shape.number}, point {number}"
             if at == (0.0, 0.0):

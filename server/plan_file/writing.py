@@ -19,6 +19,7 @@ from server.plan_file.item import FileItem
 from server.plan_file.leg import WrittenLeg, on_globe, written_legs
 from server.plan_file.loss import Format, Loss, losses_of
 from server.plan_file.proposal import LatitudeLongitude, NorthEast
+from server.plan_file.shape import WAYPOINTS
 from server.plan_file.wpl import HEAD
 from server.water import kml_text
 
@@ -86,7 +87,7 @@ def write_plan_file(
     if not way:
         raise NothingToWriteError("The design has no waypoint: there is nothing to write.")
     legs = written_legs(way, usual, site)
-    losses = losses_of(format, design, legs)
+    losses = losses_of(format, design, legs, way)
     title = shown(name).strip() or "design"
     match format:
         case "qgc_plan":
@@ -258,7 +259,7 @@ def _kml(
     about = escape(_comment(losses))
     return (
         f"{kml_text.BEGIN}<name>{escape(title)}</name><description>{about}</description>"
-        f"{kml_text.line(title, line)}{area}{kml_text.END}"
+        f"{kml_text.line(title, line, _words(legs))}{area}{kml_text.END}"
     )
 
 
@@ -266,6 +267,10 @@ def _line(legs: Sequence[WrittenLeg]) -> list[tuple[float, float, float]]:
     """Return longitude, latitude and height of a line; one waypoint stands there twice."""
     places = [(leg.place_deg[1], leg.place_deg[0], -leg.depth_m + 0.0) for leg in legs]
     return places * 2 if len(places) == 1 else places
+
+
+def _words(legs: Sequence[WrittenLeg]) -> dict[str, str]:
+    return {WAYPOINTS: "1"} if len(legs) == 1 else {}
 
 
 def _area_ring(design: Design, site: Site) -> list[LatitudeLongitude]:
@@ -291,7 +296,7 @@ def _geojson(
         return [round(longitude, _GEOJSON_DECIMALS), round(latitude, _GEOJSON_DECIMALS)]
 
     line = [[*place(x, y), round(z, _METRE_DECIMALS)] for x, y, z in _line(legs)]
-    about = {"name": title, "comment": _comment(losses)}
+    about = {"name": title, "comment": _comment(losses), **_words(legs)}
     features: list[dict[str, Any]] = [_feature("LineString", line, about)]
     ring = _area_ring(design, site)
     if ring:

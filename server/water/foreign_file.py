@@ -5,6 +5,7 @@ What is wrong is told as ``ReadingError`` with the line or entry at fault.
 
 import io
 import json
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,17 @@ DEPTH_MAX = 100
 """Brackets within brackets, or elements within elements."""
 KMZ_ENTRIES_MAX = 200
 KMZ_RATIO_MAX = 200
+_ZIP_FAULTS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+)
+"""What the archive reader raises of archives that are damaged."""
 
 
 def file_bytes(path: Path) -> bytes:
@@ -160,25 +172,23 @@ def kmz_document(file: Path | IO[bytes], bytes_max: int = BYTES_MAX) -> bytes:
         with zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             _check_archive(entries, bytes_max)
-            documents = [e for e in entries if e.filename.lower().endswith(".kml")]
-            if not documents:
-                raise ReadingError(("", "the archive holds no KML document"))
-            first = min(documents, key=lambda e: (e.filename.count("/"), e.filename != "doc.kml"))
+            first = _first_document(entries)
             with archive.open(first) as opened:
                 content = opened.read(bytes_max + 1)  # whatever the directory says
-    except (
-        zipfile.BadZipFile,
-        NotImplementedError,
-        RuntimeError,
-        EOFError,
-        OSError,
-        ValueError,  # of an offset before the beginning
-        zlib.error,
-    ) as error:
+    except ReadingError:
+        raise
+    except _ZIP_FAULTS as error:
         raise ReadingError(("", f"no KMZ archive: {error}")) from error
     if len(content) > bytes_max:
         raise ReadingError((first.filename, f"unpacks to more than {bytes_max >> 20} MB"))
     return content
+
+
+def _first_document(entries: Sequence[zipfile.ZipInfo]) -> zipfile.ZipInfo:
+    documents = [entry for entry in entries if entry.filename.lower().endswith(".kml")]
+    if not documents:
+        raise ReadingError(("", "the archive holds no KML document"))
+    return min(documents, key=lambda e: (e.filename.count("/"), e.filename != "doc.kml"))
 
 
 def _check_archive(entries: Sequence[zipfile.ZipInfo], bytes_max: int) -> None:

@@ -1,6 +1,6 @@
 """The few words of KML 2.2 that files of the station are made of."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from xml.sax.saxutils import escape
 
 BEGIN = (
@@ -21,10 +21,10 @@ def coordinates(
     )
 
 
-def line(name: str, places: str) -> str:
-    """Return a placemark of a line whose heights count."""
+def line(name: str, places: str, words: Mapping[str, str] | None = None) -> str:
+    """Return a placemark of a line whose heights count, with what else is said of it."""
     return (
-        f"<Placemark><name>{escape(name)}</name>"
+        f"<Placemark><name>{escape(name)}</name>{_data(words or {})}"
         "<LineString><altitudeMode>absolute</altitudeMode>"
         f"<coordinates>{places}</coordinates></LineString></Placemark>"
     )
@@ -34,8 +34,15 @@ def area(name: str, role: str, places: str) -> str:
     """Return a placemark of an area at the surface, with what it is for."""
     return (
         f"<Placemark><name>{escape(name)}</name>"
-        f'<ExtendedData><Data name="role"><value>{escape(role)}</value></Data></ExtendedData>'
+        f"{_data({'role': role})}"
         "<Polygon><outerBoundaryIs><LinearRing>"
         f"<coordinates>{places}</coordinates>"
         "</LinearRing></outerBoundaryIs></Polygon></Placemark>"
     )
+
+
+def _data(words: Mapping[str, str]) -> str:
+    data = "".join(
+        f'<Data name="{key}"><value>{escape(value)}</value></Data>' for key, value in words.items()
+    )
+    return f"<ExtendedData>{data}</ExtendedData>" if data else ""
