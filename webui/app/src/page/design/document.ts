@@ -13,6 +13,7 @@ import type {
   SpiralOutOutput,
   Spot as StationSpot,
   StarOutput,
+  StationKeepOutput,
   SurfacingRulesOutput,
   WaypointInput,
   WayOutput,
@@ -37,6 +38,7 @@ export type Content =
   | AlongIsobathOutput
   | SectionOutput
   | MooringOutput
+  | StationKeepOutput
   | ReferenceOutput;
 export type ContentKind = Content['kind'];
 
@@ -76,6 +78,7 @@ const RULES: Record<ContentKind, SpotRule> = {
   along_isobath: PLACE,
   section: LINE,
   mooring: PLACE,
+  station_keep: PLACE,
   reference: { ...PLACE, noun: 'origin' },
 };
 
@@ -96,6 +99,7 @@ export function spotsOf(content: Content): readonly Waypoint[] {
     case 'along_isobath':
       return [content.near];
     case 'mooring':
+    case 'station_keep':
       return [content.place];
     case 'reference':
       return [content.origin];
@@ -118,6 +122,7 @@ export function withSpots(content: Content, spots: readonly Waypoint[]): Content
     case 'along_isobath':
       return { ...content, near: only };
     case 'mooring':
+    case 'station_keep':
       return { ...content, place: only };
     case 'reference':
       return { ...content, origin: only };

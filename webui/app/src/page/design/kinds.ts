@@ -125,6 +125,17 @@ export const KINDS: readonly DesignKind[] = [
     begin: (box) => ({ kind: 'mooring', place: middle(box), duration_s: 3600 }),
   },
   {
+    key: 'station_keep',
+    title: 'Station keeping',
+    help: 'Stays near a place at the surface for a while, and swims back when it drifts off.',
+    begin: (box) => ({
+      kind: 'station_keep',
+      place: middle(box),
+      radius_m: cm(reach(box) / 10),
+      duration_s: 1800,
+    }),
+  },
+  {
     key: 'reference',
     title: 'Reference trajectory',
     help: 'A trajectory in time: the diagonal or the figure of eight of the thesis.',
