@@ -70,6 +70,7 @@ export type {
   ConfigurationView as ConfigDocument,
   ControllerBody as ControllerWish,
   DeploymentView as Deployment,
+  DriveView as Drive,
   CurrentStatusView as CurrentStatus,
   CurrentWorthView as CurrentWorth,
   FaultView as Fault,

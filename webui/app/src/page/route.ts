@@ -1,8 +1,12 @@
-/** Addresses of the pages: `/page` or `/page/robot`, and `#section` within; the fleet is `/`. */
+/**
+ * Addresses of the pages: `/page` or `/page/robot`, and `#section` within; the fleet is `/`. A page
+ * that is `within` another is reached from there, and shown as part of it in the rail.
+ */
 
 export const PAGES = [
   { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
   { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true },
+  { key: 'drive', title: 'Drive', letter: 'v', hasRobot: true, within: 'robot' },
   { key: 'design', title: 'Design', letter: 'e', hasRobot: true },
   { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true },
   { key: 'track', title: 'Track', letter: 't', hasRobot: true },
@@ -27,6 +31,15 @@ export function parseRoute(path: string, hash = ''): Route {
   const page = PAGES.find(({ key }) => key === first) ?? PAGES[0];
   const robot = page.hasRobot && second ? decode(second) : null;
   return { page: page.key, robot, section: decode(hash.replace(/^#/, '')) ?? '' };
+}
+
+/** Pages that the rail names. */
+export const RAIL = PAGES.filter((page) => !('within' in page));
+
+/** The page of the rail that a page belongs to. */
+export function railPage(key: PageKey): PageKey {
+  const page = PAGES.find((one) => one.key === key);
+  return page && 'within' in page ? page.within : key;
 }
 
 export function routePath(page: PageKey, robot: string | null, section = ''): string {
