@@ -49,6 +49,7 @@ AREAS = {
     "tracking_predictive": "benchmarks.planning.tracking_predictive",
     "telemetry": "benchmarks.station.telemetry",
     "radio": "benchmarks.link.radio",
+    "drive": "benchmarks.link.drive",
     "ingest": "benchmarks.station.ingest",
     "satellite": "benchmarks.link.satellite",
     "garbage": "benchmarks.link.garbage",

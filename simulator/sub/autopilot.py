@@ -22,6 +22,8 @@ _FLOWN: Final = (grace.MAV_CMD_NAV_WAYPOINT, grace.MAV_CMD_NAV_LOITER_TIME)
 _KNOWN: Final = (*_FLOWN, grace.MAV_CMD_DO_CHANGE_SPEED, grace.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 _SURFACE_M: Final = 0.15
 _REACHED_DOWN_M: Final = 0.4
+_PILOT_TIMEOUT_S: Final = 3.0
+"""As of ArduSub's FS_PILOT_TIMEOUT: a stick that is older is in the middle."""
 _NEEDS_ARMING: Final = ("AUTO", "GUIDED", "POSHOLD")
 
 
@@ -44,6 +46,7 @@ class SubAutopilot:
         """Severity and text of what waits to be said."""
         self._held: tuple[float, float, float] = (plant.north_m, plant.east_m, 0.0)
         self._stick = IDLE
+        self._steered_s = -math.inf
 
     @property
     def mode_name(self) -> str:
@@ -97,6 +100,7 @@ class SubAutopilot:
     def steer(self, demand: Demand) -> None:
         """Take what the pilot's sticks say."""
         self._stick = demand
+        self._steered_s = self._plant.time_s
 
     def take(self, items: Sequence[StandardItem]) -> MissionVerdict:
         """Put a mission on board, or refuse it with the first item that it cannot fly."""
@@ -135,6 +139,8 @@ class SubAutopilot:
         """Return what the motors are to do now."""
         if not self.is_armed:
             return IDLE
+        if self._plant.time_s - self._steered_s > _PILOT_TIMEOUT_S:
+            self._stick = IDLE
         match self.mode_name:
             case "SURFACE":
                 is_up = self._plant.depth_m <= _SURFACE_M

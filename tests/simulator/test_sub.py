@@ -12,6 +12,7 @@ import pytest
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import LAKE
 from robot_link.clock import ScaledClock
+from robot_link.drive import Stick
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -285,3 +286,21 @@ def test_a_robot_that_cannot_be_is_refused_with_what_can(wrong):
 
 def test_the_first_submarine_has_a_name_of_its_own():
     assert SUBS[RobotId("sub-1")] is sub_definition("sub-1")
+
+
+async def test_it_is_driven_by_hand_and_stands_still_without_a_stick():
+    async with rig() as sub:
+        await sub.report(lambda one: one.mode == "MANUAL")
+        pilot = sub.link.drive(SUB)
+        await pilot.begin()
+        await sub.report(lambda one: one.is_armed)
+        vehicle = sub.vehicle.autopilot
+        await pilot.steer(Stick(forward=0.5, turn=-0.25, up=-1.0), 1)
+        await until(lambda: vehicle.demand().forward == pytest.approx(0.5))
+        demand = vehicle.demand()
+        assert (demand.turn, demand.down) == pytest.approx((-0.25, 1.0))
+        # nobody speaks any more
+        await until(lambda: vehicle.demand().effort == 0.0)
+        assert vehicle.is_armed
+        await pilot.end()
+        await sub.report(lambda one: one.is_armed is False)
