@@ -158,7 +158,7 @@ class OnboardProgram:
         self._next_sample_s = 0.0
         self._next_asked_s: dict[str, float] = {}
         self._told_mode: RobotMode | None = None
-        self._told_plan: tuple[OnboardPlanState, int, int] | None = None
+        self._told_plan: tuple[OnboardPlanState, int, int, str] | None = None
         self._told_current: tuple[RobotMode, int] | None = None
         self._next_current_s = 0.0
         self._told_actuators: ActuatorNews | None = None
@@ -344,6 +344,7 @@ class OnboardProgram:
         if not condition or not is_due:
             return None
         self._told_switches = switches
+        self.executive.rules.hear(condition)
         self._condition_keys |= condition.keys()
         self.newest_condition = condition, self.now
         self._next_condition_s = self.time_s + _CONDITION_EVERY_S
@@ -372,7 +373,7 @@ class OnboardProgram:
         self._set_points = self.executive.step(
             self.estimate,
             PERIOD_S,
-            samples_waiting=radio.unacknowledged_samples > 0,
+            samples_waiting=radio.unacknowledged_samples,
             is_talking=self.is_talking,
         )
         self._sent = self.executive.trim.command(self._set_points, self._limits)
@@ -424,6 +425,7 @@ class OnboardProgram:
         measured.update(self._hardware.measure(self._instruments_due()))
         if not measured:
             return
+        self.executive.rules.hear(measured)
         now = self.now
         for channel, value in measured.items():
             radio.record_sample(
@@ -445,7 +447,12 @@ class OnboardProgram:
         if executive.mode is not self._told_mode:
             self._told_mode = executive.mode
             radio.set_mode(executive.mode)
-        plan = (executive.plan_state, executive.leg, executive.plans_begun)
+        plan = (
+            executive.plan_state,
+            executive.leg,
+            executive.plans_begun,
+            executive.reason,
+        )
         if plan != self._told_plan:
             self._told_plan = plan
             radio.report_plan(

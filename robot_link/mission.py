@@ -11,8 +11,9 @@ heading; its radius travels in that place.
 
 Format 3 also brings the robot its controller and the prices and kernel that the plan was made with;
 format 2 has none of these, and format 1 no trim either. Format 4 has no legs: it brings the order
-to follow a target instead. All are understood, and each keeps its bytes and so its name: a plan
-that was stored or is on board stays what it was.
+to follow a target instead. Format 5 is format 2 or 3 with rules by which the robot comes up early.
+All are understood, and each keeps its bytes and so its name: a plan that was stored or is on board
+stays what it was.
 """
 
 import hashlib
@@ -28,6 +29,7 @@ from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.vehicle.trim import TrimConfig
 from robot_link.messages import PlanHash
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.surfacing_order import SurfacingOrder
 from robot_link.target_settings import TargetSettings
 
 FORMAT_VERSION = 2
@@ -36,6 +38,8 @@ ONBOARD_FORMAT = 3
 """Format of missions with onboard settings."""
 TARGET_FORMAT = 4
 """Format of missions that follow a target."""
+RULES_FORMAT = 5
+"""Format of missions with rules by which the robot comes up early."""
 _KINDS = (
     PrimitiveKind.GLIDE,
     PrimitiveKind.SPIRAL,
@@ -50,7 +54,7 @@ _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
 _SPIRAL, _KEEP = _KINDS.index(PrimitiveKind.SPIRAL), _KINDS.index(PrimitiveKind.KEEP)
-SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TARGET_FORMAT: 7}
+SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TARGET_FORMAT: 7, RULES_FORMAT: 7}
 """Integers of the settings in the canonical form, by format."""
 ITEM_FIELDS = 10
 """Integers in one leg of the canonical form."""
@@ -146,9 +150,11 @@ class Mission:
     format: int = FORMAT_VERSION
     """Which canonical form names it; format 1 has no trim."""
     onboard: OnboardSettings | None = None
-    """What else the robot flies by, of format 3; without it the robot has its own."""
+    """What else the robot flies by, of formats 3 and 5; without it the robot has its own."""
     tracking: TargetSettings | None = None
     """What the robot follows, of format 4, which has no legs."""
+    rules: SurfacingOrder | None = None
+    """By what it comes up early, of format 5."""
 
     @classmethod
     def from_legs(
@@ -158,6 +164,7 @@ class Mission:
         format_version: int | None = None,
         *,
         onboard: OnboardSettings | None = None,
+        rules: SurfacingOrder | None = None,
     ) -> Self:
         """Quantize a plan's legs.
 
@@ -166,7 +173,8 @@ class Mission:
             legs: The legs, each from the end of the one before it.
             format_version: Which canonical form names it; by default the newest that its content
                 needs.
-            onboard: Settings of format 3.
+            onboard: Settings of format 3 or 5.
+            rules: Rules of format 5.
 
         Raises:
             ValueError: If a number does not fit the wire, the format is unknown or cannot carry
@@ -174,7 +182,8 @@ class Mission:
                 start in the settings, at the surface) ends, for only the ends travel; the message
                 names it. At the surface a leg that is no spiral may begin elsewhere.
         """
-        version = format_version or (FORMAT_VERSION if onboard is None else ONBOARD_FORMAT)
+        version = FORMAT_VERSION if onboard is None else ONBOARD_FORMAT
+        version = format_version or (version if rules is None else RULES_FORMAT)
         end: PositionNed = (settings.start_x_m, settings.start_y_m, 0.0)
         integers: list[tuple[int, ...]] = []
         for number, leg in enumerate(legs, start=1):
@@ -184,11 +193,13 @@ class Mission:
             integers.append(leg_integers(leg, end if jumps else leg.start_ned))
             end = leg.end_ned
         rounded = _settings_integers(settings, version)
-        if (onboard is not None) != (version == ONBOARD_FORMAT):
+        if (rules is not None) != (version == RULES_FORMAT):
+            raise ValueError(f"only format {RULES_FORMAT} of missions carries rules of surfacing")
+        if (onboard is not None) != (version == ONBOARD_FORMAT) and rules is None:
             raise ValueError(f"only format {ONBOARD_FORMAT} of missions carries onboard settings")
         if version == TARGET_FORMAT:
             raise ValueError(f"format {TARGET_FORMAT} of missions has an order and no legs")
-        return cls.from_integers(rounded, tuple(integers), onboard)
+        return cls.from_integers(rounded, tuple(integers), onboard, rules=rules)
 
     @classmethod
     def for_target(cls, settings: MissionSettings, tracking: TargetSettings) -> Self:
@@ -210,19 +221,25 @@ class Mission:
         legs: tuple[tuple[int, ...], ...],
         onboard: OnboardSettings | None = None,
         tracking: TargetSettings | None = None,
+        rules: SurfacingOrder | None = None,
     ) -> Self:
         """Rebuild a mission from its wire integers (see ``leg_integers``).
 
         Raises:
             ValueError: If they are none.
         """
-        if tracking is not None and (legs or onboard is not None):
+        if tracking is not None and (legs or onboard is not None or rules is not None):
             raise ValueError(
-                "a mission that follows a target has neither legs nor onboard settings"
+                "a mission that follows a target has neither legs nor onboard settings nor rules"
             )
-        version = _format_of(
-            len(settings), has_onboard=onboard is not None, is_tracking=tracking is not None
-        )
+        if rules is not None and len(settings) == SETTINGS_FIELDS[RULES_FORMAT]:
+            version = RULES_FORMAT
+        else:
+            version = _format_of(
+                len(settings),
+                has_onboard=onboard is not None or rules is not None,
+                is_tracking=tracking is not None,
+            )
         known = MissionSettings.from_integers(settings)
         start: PositionNed = (known.start_x_m, known.start_y_m, 0.0)
         rebuilt: list[Leg] = []
@@ -235,6 +252,7 @@ class Mission:
             format=version,
             onboard=onboard,
             tracking=tracking,
+            rules=rules,
         )
 
     def settings_integers(self) -> tuple[int, ...]:
@@ -256,10 +274,12 @@ class Mission:
             list(self.settings_integers()),
             [list(leg) for leg in self.leg_integers()],
         ]
-        if self.onboard is not None:
-            content.append(list(self.onboard.integers()))
+        if self.onboard is not None or self.rules is not None:
+            content.append([] if self.onboard is None else list(self.onboard.integers()))
         if self.tracking is not None:
             content.append(list(self.tracking.integers()))
+        if self.rules is not None:
+            content.append(list(self.rules.integers()))
         return cbor2.dumps(content, canonical=True)
 
     def sha256(self) -> PlanHash:

@@ -13,6 +13,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, Field, model_validator
 
+from autonomy.channel import KEY_PATTERN
 from autonomy.configuration import Configuration, quantity
 
 WAYPOINTS_MAX = 500
@@ -21,6 +22,7 @@ REPEATS_MAX = 100
 """Of a section."""
 _FAR_M = 1e6
 _DEEP_M = 12_000.0
+_RULES_MAX = 4
 _KEEP_FAR_M, _KEEP_LONG_S = 10_000.0, 604_800.0
 _CORNERS_MIN = 3
 _CORNERS_MAX = 256
@@ -292,6 +294,17 @@ Content = Annotated[
 ]
 
 
+class ValueRule(Configuration):
+    """A value of a channel that brings the robot up."""
+
+    channel: str = Field(pattern=KEY_PATTERN, title="Channel")
+    """Key of a channel of the catalogue that the robot measures."""
+    side: Literal["above", "below"] = quantity("below", title="When it is")
+    """On which side of the value the robot comes up."""
+    value: float = quantity(..., title="Value", ge=-1e12, le=1e12)
+    """In the channel's unit."""
+
+
 class SurfacingRules(Configuration):
     """When the robot comes up between the beginning and the end."""
 
@@ -307,6 +320,17 @@ class SurfacingRules(Configuration):
         None, "m", title="When its position is less certain than", gt=0.0, le=_FAR_M
     )
     """Standard deviation; by default the planner's for the robot."""
+    samples_waiting: int | None = quantity(
+        None, title="When so many samples wait", ge=1, le=1_000_000
+    )
+    """Samples that are not known to be stored ashore; kept by the robot itself."""
+    on_value: Annotated[tuple[ValueRule, ...], Field(max_length=_RULES_MAX)] = Field(
+        default=(), title="When a value is beyond a limit"
+    )
+    """At most 4; kept by the robot itself."""
+    hold_off_s: float = quantity(600.0, "s", title="Then not again for", ge=0.0, le=86_400.0)
+    """After waiting samples or a value brought the robot up, none of these rules does for so long.
+    """
 
     @property
     def times(self) -> tuple[datetime, ...]:

@@ -33,6 +33,7 @@ from onboard.flight.maneuver import (
 from onboard.flight.navigation import Estimate
 from onboard.flight.over_ground import GroundCourse, over_ground
 from onboard.flight.safety import danger, mission_over, plan_flaw
+from onboard.flight.surfacing import SurfacingWatch
 from onboard.flight.trim import Trim
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FlightProfile
@@ -122,6 +123,8 @@ class Executive:
         """How the actuators follow their commands."""
         self.tracking = TargetDesk(period_s)
         """What is heard, done and told of a target, where the mission follows one."""
+        self.rules = SurfacingWatch()
+        """Rules of the mission that end a dive early."""
         self._abort_reason = ""
         self._mission_s = 0.0
         self._surfaced_s = 0.0
@@ -130,7 +133,7 @@ class Executive:
         self.plan_state = OnboardPlanState.NONE
         """State of the plan on board."""
         self.reason = ""
-        """Why the plan failed, one sentence; empty otherwise."""
+        """Why the plan failed, or why its last dive that ended early did; one sentence, or ""."""
         self.leg = 0
         """Leg being flown or next."""
         self.plans_begun = 0
@@ -262,7 +265,7 @@ class Executive:
         estimate: Estimate,
         dt_s: float,
         *,
-        samples_waiting: bool,
+        samples_waiting: int,
         is_talking: bool = False,
     ) -> SetPoints:
         """Return the set points for the next ``dt_s`` seconds, before trim.
@@ -270,7 +273,7 @@ class Executive:
         Args:
             estimate: Where the robot is.
             dt_s: Length of the step.
-            samples_waiting: Whether some samples are not yet known to be stored ashore.
+            samples_waiting: How many samples are not yet known to be stored ashore.
             is_talking: Whether a call by satellite is due or under way.
         """
         self._flight.pilot.begin_step()
@@ -286,9 +289,9 @@ class Executive:
                 self._account.fly_leg(self._flown.share(estimate))
             if isinstance(self._flown, Keep):
                 self._kept_s = self._flown.passed_s
-            self._keep_limits(estimate)
+            self._keep_limits(estimate, samples_waiting)
         self.tracking.pass_time(estimate, dt_s)
-        self._proceed(estimate, samples_waiting, is_talking=is_talking)
+        self._proceed(estimate, samples_waiting > 0, is_talking=is_talking)
         set_points = self._maneuver.step(estimate, dt_s)
         if self._stage is Stage.PURSUIT or self._is_keeping:
             amplitude, frequency = set_points.tail_amplitude_rad, set_points.tail_frequency_hz
@@ -318,6 +321,7 @@ class Executive:
         self._mission_s = self._kept_s = 0.0
         self._account = EnergyAccount(self._prices)
         self.tracking.begin(mission)
+        self.rules.begin(mission.rules)
         self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
         return CommandOutcome.DONE
 
@@ -384,19 +388,20 @@ class Executive:
         name = stuck[0].value
         return f"the {name} is stuck: told to move, it stood still for {STUCK_S:.0f} s"
 
-    def _keep_limits(self, estimate: Estimate) -> None:
+    def _keep_limits(self, estimate: Estimate, samples_waiting: int) -> None:
         """Come up where a limit is met: for this dive, or for good."""
         mission = self._mission
         if mission is None or self._stage is Stage.ABORT:
             return
         over = mission_over(mission.settings, self._mission_s, estimate)
+        is_diving = self._stage is Stage.LEG and not (self._comes_up() or self._is_keeping)
+        reason = danger(self._flight, mission.settings, estimate) if is_diving else ""
+        is_under = is_diving and not self._flight.is_surfaced(estimate)
+        reason = reason or self.rules.met(self._mission_s, samples_waiting, is_under_way=is_under)
         if over:
             self._abort(over)
-        elif (
-            self._stage is Stage.LEG
-            and not (self._comes_up() or self._is_keeping)
-            and danger(self._flight, mission.settings, estimate)
-        ):
+        elif reason:
+            self.reason = f"leg {self.leg + 1} ended early, {reason}"
             self._account.end_leg()
             self.leg = self._ends[self.leg] + 1
             self._enter(Stage.NEXT, Rise(self._flight))

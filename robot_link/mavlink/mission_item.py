@@ -1,4 +1,4 @@
-"""A mission as MAVLink mission items: settings, trim, tuning, then the legs, circles after theirs.
+"""A mission as MAVLink items: settings, trim, tuning, rules, then the legs, circles after theirs.
 
 A mission that follows a target has its order behind the trim, and neither tuning nor legs.
 
@@ -11,6 +11,7 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
 from robot_link.mission import Mission
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.surfacing_order import SurfacingOrder
 from robot_link.target_settings import TargetSettings
 
 MissionItem = grace.MAVLink_mission_item_int_message
@@ -24,6 +25,7 @@ _LEG_COMMANDS = (
 )
 """In the order of the canonical form's kinds."""
 _TUNING, _TRACK = grace.MAV_CMD_GRACE_TUNING, grace.MAV_CMD_GRACE_TRACK
+_RULES = grace.MAV_CMD_GRACE_RULES
 _NUMBERS = 7
 """Integers in one item: four parameters and the position, all exact in a float32."""
 _NUMBERS_FIRST = 2
@@ -47,6 +49,8 @@ def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]
         items += _number_items(_TUNING, mission.onboard.integers())
     if mission.tracking is not None:
         items += _number_items(_TRACK, mission.tracking.integers())
+    if mission.rules is not None:
+        items += _number_items(_RULES, mission.rules.integers())
     for kind, x, y, z, speed, duration, energy, heading, radius, turn in mission.leg_integers():
         params = (speed, duration, energy, heading)
         items.append(_item(_LEG_COMMANDS[kind], params=params, position=(x, y, z)))
@@ -76,7 +80,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     first = _integers(items[0])
     settings = (*first[:3], *first[4:6])
     legs: list[tuple[int, ...]] = []
-    numbers: dict[int, list[int]] = {_TUNING: [], _TRACK: []}
+    numbers: dict[int, list[int]] = {_TUNING: [], _TRACK: [], _RULES: []}
     for number, item in enumerate(items[1:], start=1):
         integers = _integers(item)
         if item.command in _LEG_COMMANDS:
@@ -87,7 +91,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
         elif item.command == grace.MAV_CMD_GRACE_TRIM and number == 1:
             settings = (*settings, *integers[:2])
         elif item.command in numbers and number == _NUMBERS_FIRST + (
-            len(numbers[item.command]) // _NUMBERS
+            _before(numbers, item.command) // _NUMBERS
         ):
             numbers[item.command] += integers
         else:
@@ -95,7 +99,14 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     tuning, track = numbers[_TUNING], numbers[_TRACK]
     onboard = OnboardSettings.from_integers(tuning) if tuning else None
     tracking = TargetSettings.from_integers(track) if track else None
-    return Mission.from_integers(settings, tuple(legs), onboard, tracking)
+    rules = SurfacingOrder.from_integers(numbers[_RULES]) if numbers[_RULES] else None
+    return Mission.from_integers(settings, tuple(legs), onboard, tracking, rules)
+
+
+def _before(numbers: dict[int, list[int]], command: int) -> int:
+    """Return how many integers came before the next item of a kind; rules follow tuning."""
+    tuning = len(numbers[_TUNING]) if command == _RULES else 0
+    return tuning + len(numbers[command])
 
 
 def _number_items(command: int, integers: Sequence[int]) -> list[MissionItem]:

@@ -1,10 +1,11 @@
 """A mission as the bytes that travel by satellite.
 
 A blob is CBOR of ``[format, settings, onboard, legs, check]``: the integers of the mission's
-settings and onboard settings (empty before format 3, of format 4 the order to follow a target), the
-rows of ``leg_code``, and the first four bytes of the mission's hash. The robot rebuilds the mission
-and compares, so that a mission that it would understand in another way than the station does is
-refused instead of flown.
+settings and onboard settings (empty before format 3, of format 4 the order to follow a target, of
+format 5 how many numbers of onboard settings follow, they, and the rules of surfacing), the rows of
+``leg_code``, and the first four bytes of the mission's hash. The robot rebuilds the mission and
+compares, so that a mission that it would understand in another way than the station does is refused
+instead of flown.
 """
 
 import hashlib
@@ -17,11 +18,18 @@ import cbor2
 
 from autonomy.planner.config import EnergyConfig
 from robot_link.messages import PlanHash
-from robot_link.mission import ONBOARD_FORMAT, SETTINGS_FIELDS, TARGET_FORMAT, Mission
+from robot_link.mission import (
+    ONBOARD_FORMAT,
+    RULES_FORMAT,
+    SETTINGS_FIELDS,
+    TARGET_FORMAT,
+    Mission,
+)
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.cbor_reader import CborReader
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.leg_code import MOST_LEGS, packed_legs, unpacked_legs
+from robot_link.surfacing_order import SurfacingOrder
 from robot_link.target_settings import TargetSettings
 
 TransferId = NewType("TransferId", int)
@@ -96,14 +104,16 @@ def mission_of(packed: bytes, codec: int) -> Mission:
     version, settings, onboard, rows, check = _content(plain)
     if version not in SETTINGS_FIELDS or len(settings) != SETTINGS_FIELDS[version]:
         raise WireError(f"format {version} of missions is unknown, or its settings are not its")
-    if version not in (ONBOARD_FORMAT, TARGET_FORMAT) and onboard:
+    if version not in (ONBOARD_FORMAT, TARGET_FORMAT, RULES_FORMAT) and onboard:
         raise WireError(f"format {version} of missions brings no onboard settings")
     try:
-        tuning = OnboardSettings.from_integers(onboard) if version == ONBOARD_FORMAT else None
+        onboard, rules = _with_rules(onboard) if version == RULES_FORMAT else (onboard, None)
+        has_tuning = version == ONBOARD_FORMAT or (version == RULES_FORMAT and bool(onboard))
+        tuning = OnboardSettings.from_integers(onboard) if has_tuning else None
         order = TargetSettings.from_integers(onboard) if version == TARGET_FORMAT else None
         start = (settings[_START], settings[_START + 1])
         legs = unpacked_legs(rows, start, _prices(tuning))
-        mission = Mission.from_integers(tuple(settings), legs, tuning, order)
+        mission = Mission.from_integers(tuple(settings), legs, tuning, order, rules)
         is_meant = _check_of(mission.sha256()) == check
     except (ValueError, ArithmeticError) as error:
         raise WireError(f"the mission is none: {error}") from error
@@ -116,11 +126,25 @@ def _plain(mission: Mission, name: PlanHash) -> bytes:
     settings = mission.settings_integers()
     brought = mission.onboard or mission.tracking
     onboard = () if brought is None else brought.integers()
+    if mission.rules is not None:
+        onboard = (len(onboard), *onboard, *mission.rules.integers())
     start = (settings[_START], settings[_START + 1])
     rows = packed_legs(start, mission.leg_integers(), _prices(mission.onboard))
     return cbor2.dumps(
         [mission.format, list(settings), list(onboard), rows, _check_of(name)], canonical=True
     )
+
+
+def _with_rules(numbers: list[int]) -> tuple[list[int], SurfacingOrder]:
+    """Return onboard settings, empty for none, and rules of a mission of format 5.
+
+    Raises:
+        ValueError: If they are none.
+    """
+    count = numbers[0] if numbers else -1
+    if not 0 <= count < len(numbers):
+        raise ValueError("the rules of surfacing are cut short")
+    return numbers[1 : 1 + count], SurfacingOrder.from_integers(numbers[1 + count :])
 
 
 def _prices(onboard: OnboardSettings | None) -> EnergyConfig:

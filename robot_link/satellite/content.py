@@ -52,6 +52,8 @@ class Reason(IntEnum):
     """Of a mission that came in whole: it waits behind the plan being flown, for START."""
     NEXT_STARTS = 20
     """Of such a mission: it begins at the next surfacing."""
+    RULE = 21
+    """Of a dive that ended early."""
 
     @property
     def sentence(self) -> str:
@@ -67,6 +69,7 @@ class Reason(IntEnum):
 
 
 _WORDS = {
+    Reason.RULE: ("by rule", "brought up by rule"),
     Reason.MISSION_RUNS: (
         "a mission is running",
         "a mission is running: wait for its end, or surface the robot",

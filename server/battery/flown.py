@@ -9,6 +9,8 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.energy_use import Use
+from autonomy.planner.config import EnergyConfig
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 from db.query.mission.plans import PlanRecord
 from server.fleet.status import FOLLOW_TARGET
@@ -18,21 +20,39 @@ USE_OF_KIND = {
     PrimitiveKind.SPIRAL: Use.SPIRAL,
     PrimitiveKind.DIVE: Use.DIVE,
     PrimitiveKind.SWIM: Use.SWIM,
+    PrimitiveKind.KEEP: Use.SWIM,
 }
+"""Of a stay at the surface it is what the robot does for the share that it swims."""
 _SLACK = timedelta(seconds=60.0)
 _S_PER_H = 3600.0
+_PRICES = EnergyConfig()
 
 
-def hours_of_legs(legs: Sequence[Leg], duration_s: float) -> FloatArray:
+def swum_share(
+    kind: PrimitiveKind, energy: float, duration_s: float, prices: EnergyConfig
+) -> float:
+    """Return which part of a leg's time its use lasts: all of it, but for a stay at the surface."""
+    if kind is not PrimitiveKind.KEEP:
+        return 1.0
+    floating = prices.time_factor * duration_s
+    swimming = primitive.energy(PrimitiveKind.SWIM, duration_s, prices)
+    return min(max((energy - floating) / max(swimming - floating, 1e-9), 0.0), 1.0)
+
+
+def hours_of_legs(
+    legs: Sequence[Leg], duration_s: float, prices: EnergyConfig = _PRICES
+) -> FloatArray:
     """Return the hours of each use of a plan; what its legs do not fill it is at the surface.
 
     Args:
         legs: The plan's.
         duration_s: How long it takes, surfacings included.
+        prices: By which the legs' energies were counted.
     """
     hours = np.zeros(len(Use))
     for leg in legs:
-        hours[USE_OF_KIND[leg.kind]] += leg.duration_s / _S_PER_H
+        share = swum_share(leg.kind, leg.energy, leg.duration_s, prices)
+        hours[USE_OF_KIND[leg.kind]] += share * leg.duration_s / _S_PER_H
     hours[Use.AFLOAT] = max(0.0, duration_s / _S_PER_H - float(hours.sum()))
     return hours
 
@@ -61,9 +81,12 @@ class FlownPlan:
         expected = (plan.document.get("rehearsal") or {}).get("expected_times_s") or ()
         if len(expected) == len(legs):
             times = np.array(expected, dtype=np.float64).reshape(-1, 2)
-            return cls(plan.running_at, plan.ended_at, uses, times[:, 0], times[:, 1])
-        ends = np.cumsum([leg["duration_s"] for leg in legs], dtype=np.float64)
-        return cls(plan.running_at, plan.ended_at, uses, np.append(0.0, ends[:-1]), ends)
+            begins, ends = times[:, 0], times[:, 1]
+        else:
+            ends = np.cumsum([leg["duration_s"] for leg in legs], dtype=np.float64)
+            begins = np.append(0.0, ends[:-1])
+        ends = begins + _shares(plan, legs) * (ends - begins)
+        return cls(plan.running_at, plan.ended_at, uses, begins, ends)
 
     def hours(self, start: datetime, end: datetime) -> FloatArray | None:
         """Return the hours of each use between two moments, ``None`` if it was not flown then."""
@@ -78,3 +101,15 @@ class FlownPlan:
             hours[use] += seconds / _S_PER_H
         hours[Use.AFLOAT] += max(0.0, (until_s - from_s) / _S_PER_H - float(hours.sum()))
         return hours
+
+
+def _shares(plan: PlanRecord, legs: Sequence[Mapping[str, Any]]) -> FloatArray:
+    """Return which part of each leg's time its use lasts, shape ``(n,)``."""
+    prices = EnergyConfig.model_validate(plan.config.get("energy") or {})
+    return np.array(
+        [
+            swum_share(PrimitiveKind(leg["kind"]), leg["energy"], leg["duration_s"], prices)
+            for leg in legs
+        ],
+        dtype=np.float64,
+    )

@@ -248,6 +248,7 @@ class Designs:
             found.laid_out.legs,
             by=by,
             document={"design": cited},
+            rules=found.order,
         )
         await self._foundation.store.write(
             lambda session: query.note_plan(session, design, version.number, plan.id)

@@ -6,10 +6,11 @@ A pure function of what it is given, so that it can run beside the event loop.
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
-from autonomy.design.document import Design, Manner, Waypoint
+from autonomy.channel import CHANNELS, ChannelCatalogue
+from autonomy.design.document import Design, Manner, SurfacingRules, Waypoint
 from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there, with_patience
 from autonomy.design.way import waypoints_of
 from autonomy.estimation.position import blind_time_s
@@ -25,6 +26,7 @@ from autonomy.vehicle.trim import TrimConfig
 from db.record import same
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import Tariff
+from robot_link.surfacing_order import SurfacingOrder, ValueLimit
 from server.base.problem import conflict
 from server.design.view import (
     OutlineAccountView,
@@ -58,6 +60,8 @@ class Surroundings:
     vehicle: Vehicle | None
     tariff: Tariff
     now: datetime
+    channels: ChannelCatalogue = field(default_factory=lambda: CHANNELS)
+    """By which rules of surfacing name what the robot measures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +74,17 @@ class Outline:
     """The planner's settings as they hold for it."""
     flaw: tuple[str, str] | None
     """Field and reason, if it could not be laid out."""
+    order: SurfacingOrder | None = None
+    """Rules by which the robot comes up by itself, if there are any."""
 
 
 def lay(design: Design, around: Surroundings) -> Outline:
     """Lay a design out."""
     rules = rules_of(around.config, design, around.site)
     waypoints: tuple[Waypoint, ...] = ()
+    order = None
     try:
+        order = surfacing_order(design.surfacing, around.channels)
         waypoints = waypoints_of(design, around.site, around.spacing_m)
         due_s = [(at - around.now).total_seconds() for at in design.surfacing.times]
         laid_out = lay_out(
@@ -91,7 +99,29 @@ def lay(design: Design, around: Surroundings) -> Outline:
         field, colon, reason = str(error).partition(": ")
         flaw = (field, reason) if colon and " " not in field else ("content", str(error))
         return Outline(waypoints, LaidOut(), rules, flaw)
-    return Outline(waypoints, laid_out, rules, None)
+    return Outline(waypoints, laid_out, rules, None, order)
+
+
+def surfacing_order(rules: SurfacingRules, channels: ChannelCatalogue) -> SurfacingOrder | None:
+    """Return the rules that the robot itself keeps, ``None`` if there are none.
+
+    Raises:
+        ValueError: If a rule names a channel that is not in the catalogue, or does not travel;
+            the field is named.
+    """
+    if rules.samples_waiting is None and not rules.on_value:
+        return None
+    limits: list[ValueLimit] = []
+    for number, rule in enumerate(rules.on_value):
+        field, channel = f"surfacing.on_value.{number}", channels.get(rule.channel)
+        if channel is None or not channel.wire_number:
+            said = "is computed ashore" if channel else "is not in the catalogue"
+            raise ValueError(f"{field}.channel: the channel {rule.channel} {said}")
+        if channel.fault(rule.value) is not None:
+            span = f"{channel.low:g} to {channel.high:g} {channel.unit}"
+            raise ValueError(f"{field}.value: {channel.title.lower()} lies within {span}")
+        limits.append(ValueLimit(channel.wire_number, rule.side == "above", rule.value))
+    return SurfacingOrder.of(rules.samples_waiting, rules.hold_off_s, limits)
 
 
 def _usual_deep_m(config: PlannerConfig, rules: PlannerConfig) -> float:

@@ -38,6 +38,7 @@ async def surroundings(
         vehicle=fleet.vehicle(robot),
         tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
         now=foundation.clock.now(),
+        channels=foundation.channels.catalogue,
     )
     return holds.id, around
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.energy_use import EnergyEstimate, Use
-from autonomy.planner.config import PlannerConfig
+from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.plan import Leg
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.battery import swimming_power_w
@@ -54,7 +54,7 @@ class PlanBattery:
         if home is not None:
             distance_m = math.dist(home, end[:2])
             way = WayHome(distance_m, distance_m / config.primitives.swim_speed_m_s / _S_PER_H)
-        return battery_of_legs(battery, legs, duration_s, way)
+        return battery_of_legs(battery, legs, duration_s, way, config.energy)
 
     async def of_target(self, robot: str, config: TrackingConfig) -> BatteryView | None:
         """Return what a plan that follows a target takes, ``None`` as ``of_legs``."""
@@ -66,7 +66,11 @@ class PlanBattery:
 
 
 def battery_of_legs(
-    battery: Battery, legs: Sequence[Leg], duration_s: float, home: WayHome
+    battery: Battery,
+    legs: Sequence[Leg],
+    duration_s: float,
+    home: WayHome,
+    prices: EnergyConfig,
 ) -> BatteryView:
     """Return what a plan with legs takes.
 
@@ -75,8 +79,9 @@ def battery_of_legs(
         legs: The plan's.
         duration_s: How long it takes, surfacings included.
         home: The way from its end.
+        prices: By which the legs' energies were counted.
     """
-    hours = hours_of_legs(legs, duration_s)
+    hours = hours_of_legs(legs, duration_s, prices)
     dives = 1 + sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
     return _view(battery, hours, dives, home)
 

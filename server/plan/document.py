@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from autonomy.arrays import FloatArray
+from autonomy.channel import CHANNELS
 from autonomy.planner.leg.edge import POINT_STD
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
 from db.query.mission.plans import PlanRecord
@@ -17,6 +18,7 @@ from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
+from robot_link.surfacing_order import SurfacingOrder
 from robot_link.target_settings import TargetSettings
 from server.plan.expected import expected_of
 from server.plan.target_check import TEACHING
@@ -42,6 +44,8 @@ from server.satellite.cost import mission_credits
 
 OBJECTIVE_UNITS = {"information_gain": "nat"}
 """Of the objectives that have a unit."""
+_RULES = "surfacing_rules"
+"""Integers of the rules by which the robot comes up by itself; absent where there are none."""
 SEARCHED_OBJECTIVE = "searched_objective"
 """What the search itself took a trajectory to be worth; documents of earlier versions lack it."""
 _DECIMALS = 4
@@ -80,17 +84,20 @@ class Draft:
         """
         old = self.mission
         settings = replace(old.settings, timeout_s=old.settings.timeout_s + 1.0)
-        mission = Mission.from_legs(settings, old.legs, old.format, onboard=old.onboard)
+        mission = Mission.from_legs(
+            settings, old.legs, old.format, onboard=old.onboard, rules=old.rules
+        )
         return replace(self, mission=mission)
 
 
 def draft_document(draft: Draft) -> dict[str, Any]:
     """Return the part of a plan's document that a draft fills."""
-    onboard = draft.mission.onboard
+    onboard, rules = draft.mission.onboard, draft.mission.rules
     return {
         "format": draft.mission.format,
         "settings": asdict(draft.mission.settings),
         "onboard_settings": None if onboard is None else list(onboard.integers()),
+        **({} if rules is None else {_RULES: list(rules.integers())}),
         "trim_id": draft.trim_id,
         "trim_at": None if draft.trim_at is None else draft.trim_at.isoformat(),
         "legs": [asdict(leg) for leg in draft.mission.legs],
@@ -193,13 +200,28 @@ def mission_of(plan: PlanRecord) -> Mission:
     order = document.get("tracking")
     if order is not None:
         return Mission.for_target(settings, TargetSettings.from_integers(order))
-    integers = document.get("onboard_settings")
+    integers, rules = document.get("onboard_settings"), document.get(_RULES)
     return Mission.from_legs(
         settings,
         legs_of(document),
         document.get("format", 1),
         onboard=None if integers is None else OnboardSettings.from_integers(integers),
+        rules=None if rules is None else SurfacingOrder.from_integers(rules),
     )
+
+
+def rule_texts(document: Mapping[str, Any]) -> list[str]:
+    """Return by what the robot of a plan comes up by itself, in words; a channel by its title."""
+    if document.get(_RULES) is None:
+        return []
+    order = SurfacingOrder.from_integers(document[_RULES])
+    texts = [f"{order.samples_waiting:,} samples wait"] if order.samples_waiting else []
+    for one in order.on_value:
+        channel = CHANNELS.numbered(one.channel)
+        title = f"channel {one.channel}" if channel is None else channel.title.lower()
+        unit = "" if channel is None or channel.unit == "1" else f" {channel.unit}"
+        texts.append(f"{title} is {'above' if one.is_above else 'below'} {one.limit:g}{unit}")
+    return texts
 
 
 def plan_view(
@@ -253,6 +275,7 @@ def plan_view(
         teaches=teaches(plan),
         inherited=[InheritedView(**one) for one in document.get("inherited", ())],
         searched_objective=document.get(SEARCHED_OBJECTIVE),
+        rules=rule_texts(document),
     )
 
 

@@ -17,6 +17,7 @@ from db.query.mission.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
+from robot_link.surfacing_order import SurfacingOrder
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
@@ -40,6 +41,7 @@ def draft_of(
     controller: Configuration,
     field: FieldConfig,
     tariff: Tariff,
+    rules: SurfacingOrder | None = None,
 ) -> Draft:
     """Return a trajectory as a mission, with the account that an operator decides by.
 
@@ -52,6 +54,7 @@ def draft_of(
         controller: Gains that the mission brings on board, of ``ONBOARD_CONTROLLER``.
         field: The robot's map, by which it chooses the samples that it sends by satellite.
         tariff: What sending the mission by satellite costs.
+        rules: By what the robot comes up by itself.
     """
     first = best.legs[0].start_ned
     offsets = trim.value_as(TrimConfig)
@@ -59,7 +62,7 @@ def draft_of(
     settings = MissionSettings.of(config, offsets, first, best.duration_s)
     onboard, unfit = _onboard_settings(controller, config, field)
     return Draft(
-        mission=Mission.from_legs(settings, best.legs, onboard=onboard),
+        mission=Mission.from_legs(settings, best.legs, onboard=onboard, rules=rules),
         points=best.points,
         energy=best.energy,
         duration_s=best.duration_s,

@@ -52,6 +52,8 @@ class PlanFollower:
         self._queues: dict[str, tuple[object, ...]] = {}
         self._flying: dict[str, PlanReport] = {}
         """The newest of each robot that said that it flies a plan."""
+        self._came_up: dict[str, tuple[str | None, set[str]]] = {}
+        """Plan of each robot, and which dives of it were told to have ended early."""
 
     async def run(self) -> None:
         """Follow until cancelled."""
@@ -65,6 +67,13 @@ class PlanFollower:
         if self._heard.get(report.robot) != news:
             self._heard[report.robot] = news
             self._queue.add(lambda: self._follow(report))
+        if report.state is OnboardPlanState.RUNNING and report.reason:
+            sha256, told = self._came_up.get(report.robot, (None, set[str]()))
+            if sha256 != report.sha256:
+                told = set[str]()
+            if _ended_leg(report) not in told:
+                self._came_up[report.robot] = report.sha256, told | {_ended_leg(report)}
+                self._queue.add(lambda: self._tell_early(report))
         self._ledger.robot_said_more(report.robot)
 
     def take_queue(self, queue: PlanQueue) -> None:
@@ -73,6 +82,17 @@ class PlanFollower:
         if self._queues.get(queue.robot) != news:
             self._queues[queue.robot] = news
             self._queue.add(lambda: self._follow_queue(queue))
+
+    async def _tell_early(self, report: PlanReport) -> None:
+        """Tell that a dive ended early, and why; the plan goes on with the next."""
+        sha256 = report.sha256
+        if sha256 is None:
+            return
+        plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
+        if plan is None:
+            return
+        text = f"{report.robot} came up early in {plan.id}: {report.reason}."
+        await self._ledger.log_event(plan, "plan.came_up", text)
 
     async def _follow_queue(self, queue: PlanQueue) -> None:
         await self._ended_before(queue)
@@ -208,6 +228,11 @@ def _evidence_of(report: PlanReport) -> PlanEvidence | None:
     if report.state is OnboardPlanState.FAILED and report.reason == SURFACED_BY_COMMAND:
         return PlanEvidence.ROBOT_SURFACED
     return _SAID.get(report.state)
+
+
+def _ended_leg(report: PlanReport) -> str:
+    """Return what tells one dive that ended early from the next: its leg, where that is said."""
+    return report.reason.partition(",")[0]
 
 
 def _completed(plan: PlanRecord) -> str:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from db.query.mission import plans as query
 from db.query.mission.plans import ENDED_STATES, PlanRecord, PlanStateError
+from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet
@@ -155,6 +156,15 @@ class PlanLedger:
         at = self._clock.now()
         return await self._store.write(
             lambda session: note(session, plan, document, at, only_from=only_from, sha256=sha256)
+        )
+
+    async def log_event(self, plan: PlanRecord, event: str, text: str) -> None:
+        """Write down what happened on a flight that moves no state."""
+        at = self._clock.now()
+        await self._store.write(
+            lambda session: add_event(
+                session, at, event, text, robot=plan.robot, data={"plan": plan.id}
+            )
         )
 
     async def is_taken(self, plan: PlanRecord, sha256: str) -> bool:

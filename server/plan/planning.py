@@ -18,6 +18,7 @@ from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
 from db.query.mission.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
+from robot_link.surfacing_order import SurfacingOrder
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
@@ -180,6 +181,7 @@ class Planning:
         *,
         by: str,
         document: Mapping[str, Any] | None = None,
+        rules: SurfacingOrder | None = None,
     ) -> PlanRecord:
         """Begin a draft of legs that are whole, whoever laid them.
 
@@ -191,6 +193,7 @@ class Planning:
             legs: From the first to the last surfacing.
             by: Who asked.
             document: What else is known of the plan.
+            rules: By what the robot comes up by itself.
 
         Raises:
             Problem: 422 if the legs are too large for the wire, 503 while storage fails.
@@ -200,7 +203,7 @@ class Planning:
         config = current.config
         flown = await asyncio.to_thread(candidate_of, config, legs)
         try:
-            draft = await self._draft(robot, config, flown)
+            draft = await self._draft(robot, config, flown, rules)
         except ValueError as error:
             wrong = [FieldError(loc=["legs"], msg=str(error))]
             raise unprocessable("The plan cannot travel to the robot.", wrong) from error
@@ -520,7 +523,13 @@ class Planning:
         message = "The station's storage failed while it planned; plan again."
         await self._fail(plan, message, {"interrupted": True})
 
-    async def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
+    async def _draft(
+        self,
+        robot: str,
+        config: PlannerConfig,
+        best: Candidate,
+        rules: SurfacingOrder | None = None,
+    ) -> Draft:
         book = self._foundation.configurations
         controller = await book.current(ONBOARD_CONTROLLER, robot)
         field = await book.current("field", robot)
@@ -533,6 +542,7 @@ class Planning:
             controller=controller.value,
             field=field.value_as(FieldConfig),
             tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
+            rules=rules,
         )
         legs = draft.mission.legs
         battery = await self._battery.of_legs(robot, config, legs, draft.duration_s)

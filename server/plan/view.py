@@ -328,6 +328,8 @@ class PlanView(View):
     """Where the current comes from that it was planned in; empty where no map was asked for."""
     comes_up: list[ComesUpView] = field(default_factory=list)
     """Where each dive will come up, as far as the map of the current tells."""
+    rules: list[str] = field(default_factory=list)
+    """By what the robot comes up by itself, beside what it always does."""
 
 
 @dataclass(frozen=True, slots=True)

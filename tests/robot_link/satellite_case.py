@@ -21,6 +21,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.surfacing_order import SurfacingOrder, ValueLimit
 
 KEY = bytes(range(32))
 OTHER_KEY = bytes(range(1, 33))
@@ -55,7 +56,7 @@ _depths = st.one_of(st.just(0.0), st.floats(0.0, 200.0))
 @st.composite
 def missions(draw: st.DrawFn) -> Mission:
     """Any mission that can travel at all, sensible or not."""
-    version = draw(st.sampled_from((1, 2, 3)))
+    version = draw(st.sampled_from((1, 2, 3, 5)))
     trim = (draw(st.floats(-0.5, 0.5)), draw(st.floats(-0.05, 0.05))) if version > 1 else (0, 0)
     start = (draw(_coordinates), draw(_coordinates), 0.0)
     settings = MissionSettings(
@@ -85,8 +86,21 @@ def missions(draw: st.DrawFn) -> Mission:
         )
         legs.append(leg)
         start = end
-    onboard = ONBOARD if version == 3 else None
-    return Mission.from_legs(settings, tuple(legs), version, onboard=onboard)
+    onboard = ONBOARD if version == 3 or (version == 5 and draw(st.booleans())) else None
+    rules = draw(surfacing_orders()) if version == 5 else None
+    return Mission.from_legs(settings, tuple(legs), version, onboard=onboard, rules=rules)
+
+
+@st.composite
+def surfacing_orders(draw: st.DrawFn) -> SurfacingOrder:
+    """Any rules of surfacing that can travel."""
+    values = st.floats(-1e30, 1e30).filter(lambda one: one == 0.0 or abs(one) > 1e-20)
+    limit = st.builds(ValueLimit, st.integers(1, 255), st.booleans(), values)
+    return SurfacingOrder.of(
+        draw(st.none() | st.integers(1, 1_000_000)),
+        draw(st.integers(0, 86_400)),
+        draw(st.lists(limit, max_size=4)),
+    )
 
 
 def state(**changes: object) -> StateReport:

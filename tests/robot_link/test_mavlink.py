@@ -292,8 +292,8 @@ def test_a_format_that_cannot_carry_a_mission_is_refused_by_its_number():
         Mission.from_legs(settings, (), 1)
     with pytest.raises(ValueError, match="only format 3 of missions carries onboard settings"):
         Mission.from_legs(settings, (), 3)
-    with pytest.raises(ValueError, match="format 5 of missions is unknown"):
-        Mission.from_legs(settings, (), 5)
+    with pytest.raises(ValueError, match="format 6 of missions is unknown"):
+        Mission.from_legs(settings, (), 6)
 
 
 def receive(receiver: MissionReceiver, items, rng: random.Random):

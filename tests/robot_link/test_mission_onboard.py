@@ -159,8 +159,8 @@ def test_only_format_3_carries_onboard_settings():
         Mission.from_legs(mission.settings, mission.legs, 2, onboard=ONBOARD)
     with pytest.raises(ValueError, match="only format 3"):
         Mission.from_legs(mission.settings, mission.legs, 3)
-    with pytest.raises(ValueError, match="format 5 of missions is unknown"):
-        Mission.from_legs(mission.settings, mission.legs, 5)
+    with pytest.raises(ValueError, match="format 6 of missions is unknown"):
+        Mission.from_legs(mission.settings, mission.legs, 6)
     with pytest.raises(ValueError, match="format 4 of missions has an order and no legs"):
         Mission.from_legs(mission.settings, mission.legs, 4)
     with pytest.raises(ValueError, match="no format of missions has 5 numbers of settings"):

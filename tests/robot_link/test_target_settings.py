@@ -206,8 +206,8 @@ def test_robot_that_does_not_know_this_format_refuses_it_with_a_sentence(monkeyp
     with pytest.raises(WireError, match="format 4 of missions is unknown"):
         mission_of(blob.packed, blob.codec)
     items = list(mission_items(short_mission(onboard=None), SYSTEM))
-    items[2].command = 54009
-    with pytest.raises(ValueError, match="item 2 with command 54009 does not belong there"):
+    items[2].command = 54017
+    with pytest.raises(ValueError, match="item 2 with command 54017 does not belong there"):
         mission_from_items(items)
 
 

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from autonomy.estimation.energy_use import Use
+from autonomy.planner.config import EnergyConfig
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 from db.query.measured.battery import BatteryReading
 from robot_link.messages import RobotMode
 from server.access.role import Role
 from server.battery import battery_use as module
-from server.battery.flown import FlownPlan
+from server.battery.flown import FlownPlan, hours_of_legs
 from server.battery.interval import IntervalCutter
 from server.plan.battery import WayHome, battery_of_legs, battery_violations
 from tests.server.conftest import GRACE, MINI, api_client, open_station, until
@@ -225,8 +227,21 @@ async def test_battery_of_nobody_is_not_found(client):
 def test_way_home_counts():
     mini = by_model("miniglider", 0.2)
     leg = Leg(PrimitiveKind.GLIDE, (0.0, 0.0, 0.0), (0.0, 1.0, 1.0), 0.05, 1200.0, 1.5)
-    near = battery_of_legs(mini, [leg], 1300.0, WayHome())
+    near = battery_of_legs(mini, [leg], 1300.0, WayHome(), EnergyConfig())
     assert battery_violations(MINI, near) == []
-    far = battery_of_legs(mini, [leg], 1300.0, WayHome(400.0, 1.5))
+    far = battery_of_legs(mini, [leg], 1300.0, WayHome(400.0, 1.5), EnergyConfig())
     (one,) = battery_violations(MINI, far)
     assert "the way home of 400 m" in one.message
+
+
+def test_a_stay_at_the_surface_swims_for_the_share_that_its_energy_pays():
+    prices = EnergyConfig()
+    for share in np.random.default_rng().uniform(0.0, 1.0, 20):
+        swimming = primitive.energy(PrimitiveKind.SWIM, 3600.0, prices)
+        floating = prices.time_factor * 3600.0
+        energy = share * swimming + (1.0 - share) * floating
+        place = (0.0, 0.0, 0.0)
+        leg = Leg(PrimitiveKind.KEEP, place, place, 0.1, 3600.0, energy, radius_m=9.0)
+        hours = hours_of_legs([leg], 3700.0, prices)
+        assert hours[Use.SWIM] == pytest.approx(share, abs=1e-6)
+        assert hours.sum() == pytest.approx(3700.0 / 3600.0)
