@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import AsyncGenerator, Iterator
+from collections.abc import AsyncGenerator, Generator
 from contextlib import asynccontextmanager, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -94,7 +94,7 @@ def _row(name: str, value_ms: float, bar_ms: float | None) -> dict[str, Any]:
 
 
 @contextmanager
-def _witness(folder: Path) -> Iterator[Tail]:
+def _witness(folder: Path) -> Generator[Tail]:
     command = [sys.executable, "-m", "benchmarks.link.drive_witness", str(folder)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     with ended(process):

@@ -28,8 +28,8 @@ def settings(folder: Path) -> SimulatorSettings:
 def main() -> None:
     actuate = SimulatedBody.actuate
 
-    def witnessed(body: SimulatedBody, command: SetPoints) -> None:
-        actuate(body, command)
+    def witnessed(self: SimulatedBody, command: SetPoints) -> None:
+        actuate(self, command)
         told = f"{monotonic_s()!r} {command.tail_amplitude_rad!r} {command.tail_rad!r}"
         print(told, flush=True)
 

@@ -64,6 +64,12 @@ async def events(client):
     return [one["text"] for one in answer.json()["events"] if one["kind"].startswith("drive.")]
 
 
+async def both(client):
+    """What the log says of a drive that was begun and has ended."""
+    said = await events(client)
+    return said if len(said) == 2 else None
+
+
 async def is_free(client):
     return (await drive_of(client))["state"] == "free"
 
@@ -83,7 +89,7 @@ async def test_pilot_drives_sees_the_answers_and_ends_by_leaving(client, address
     await until(lambda: is_free(client))
     assert ready.sticks == [(Stick(1.0, -0.5), 3), (CENTRE, 0)]
     assert not ready.is_driven
-    begun, ended = await events(client)
+    begun, ended = await until(lambda: both(client))
     assert begun == f"bob drives {MINI} by hand."
     assert "The page was closed" in ended
 
