@@ -21,6 +21,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "import": "take in a recorded deployment from CSV",
         "water": "make a water of files, or list the waters",
         "export": "write a deployment as CSV, GeoJSON or KML",
+        "design": "make a design of a plan file of another program, or such a file of a design",
         "journal": "write the raw journal as .tlog, or hold what is stored against it",
         "base-map": "add, list and remove offline charts that lie under every map",
         "token": "create, list and revoke the tokens of scripts",
@@ -45,7 +46,7 @@ EXTRAS: Mapping[str, tuple[str, str]] = MappingProxyType(
 _PRIVATE_MASK = 0o077
 """Database, logs, copies and secrets are for the station's user alone."""
 _WRITE_FOR_OTHERS = frozenset(
-    {"export", "journal", "openapi", "coefficients", "compile"} | {*EXTRAS}
+    {"export", "design", "journal", "openapi", "coefficients", "compile"} | {*EXTRAS}
 )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from autonomy.design.document import Design, Mooring, Way, Waypoint
+from autonomy.design.document import Design, Mooring, StationKeep, Way, Waypoint
 from server.plan_file.leg import WrittenLeg
 
 Format = Literal["qgc_plan", "wpl", "kml", "geojson", "csv"]
@@ -21,6 +21,7 @@ _KINDS: Final = {
     "section": "repeated section",
     "mooring": "virtual mooring",
     "reference": "reference trajectory",
+    "station_keep": "stay at the surface",
 }
 
 
@@ -46,9 +47,10 @@ def losses_of(
 def _of_content(format: Format, design: Design) -> list[str]:
     content = design.content
     texts: list[str] = []
-    if isinstance(content, Mooring):
-        where = "" if format in ("qgc_plan", "wpl") else f" for {content.duration_s:g} s"
-        texts.append(f"the virtual mooring{where}: only its place is written")
+    if isinstance(content, Mooring | StationKeep):
+        time = f" for {content.duration_s:g} s" if format not in ("qgc_plan", "wpl") else ""
+        within = f" within {content.radius_m:g} m" if isinstance(content, StationKeep) else ""
+        texts.append(f"the {_KINDS[content.kind]}{within}{time}: only its place is written")
     elif not isinstance(content, Way):
         kind = _KINDS.get(content.kind, content.kind.replace("_", " "))
         texts.append(f"the {kind} as such: its waypoints are written one by one")

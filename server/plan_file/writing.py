@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 from xml.sax.saxutils import escape
 
-from autonomy.design.document import Design, Lawnmower, Manner, Mooring, Waypoint
+from autonomy.design.document import Design, Lawnmower, Manner, Mooring, StationKeep, Waypoint
 from autonomy.site import Site
 from robot_link.mavlink.wire import grace
 from server.base.text import shown
@@ -86,6 +86,8 @@ def write_plan_file(
     """
     if not way:
         raise NothingToWriteError("The design has no waypoint: there is nothing to write.")
+    if isinstance(design.content, StationKeep):
+        usual = usual.model_copy(update={"motion": "swim"})
     legs = written_legs(way, usual, site)
     losses = losses_of(format, design, legs, way)
     title = shown(name).strip() or "design"
@@ -115,7 +117,8 @@ def _items(
         swim_speed_m_s: What the file says elsewhere of the speed of swimming.
         decimals: Of degrees.
     """
-    hold_s = design.content.duration_s if isinstance(design.content, Mooring) else 0.0
+    content = design.content
+    hold_s = content.duration_s if isinstance(content, Mooring | StationKeep) else 0.0
     speeds: dict[str, float | None] = {"swim": swim_speed_m_s, "glide": None}
     items: list[FileItem] = []
     for leg in legs:

@@ -21,6 +21,7 @@ from autonomy.design.document import (
     Section,
     Spot,
     Star,
+    StationKeep,
     SurfacingRules,
     Way,
     Waypoint,
@@ -205,6 +206,7 @@ PATTERNS = {
     "star": Star(centre=SQUARE[0], radius_m=40.0),
     "section": Section(line=SQUARE[:2], repeats=3),
     "virtual mooring": Mooring(place=SQUARE[0], duration_s=3600.0),
+    "stay at the surface within 9 m": StationKeep(place=SQUARE[0], radius_m=9.0, duration_s=3600.0),
 }
 LAID_OUT = tuple(Waypoint(north_m=spot.north_m, east_m=spot.east_m) for spot in SQUARE)
 

@@ -7,6 +7,7 @@ type Schemas = components['schemas'];
 export type DesignSummary = Schemas['DesignSummaryView'];
 export type NewDesign = Schemas['NewDesign'];
 export type Template = Schemas['TemplateView'];
+type FileFormat = paths['/api/designs/{design}/file']['get']['parameters']['query']['format'];
 /** Where the legs of a comparison come from. */
 export type Side = string;
 
@@ -92,6 +93,15 @@ export class DesignApi {
         ...of({ design }),
         body: { version },
       }),
+    );
+
+  /** What a format does not express of a design. */
+  losses = (design: string, format: FileFormat, version: number | null) =>
+    told(
+      this.#http.GET(
+        '/api/designs/{design}/file/losses',
+        of({ design }, { format, ...(version !== null && { version }) }),
+      ),
     );
 
   templates = () => told(this.#http.GET('/api/design-templates'));
