@@ -16,6 +16,7 @@ from db import (
     onboard_tables,
     person_tables,
     sample_tables,
+    schedule_tables,
     study_tables,
     tables,
     tag_tables,
@@ -36,6 +37,7 @@ _TABLE_MODULES = (
     tag_tables,
     water_tables,
     design_tables,
+    schedule_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

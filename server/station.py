@@ -29,6 +29,7 @@ from server.satellite import install as satellite
 from server.satellite.gateways import Gateways
 from server.satellite.install import GatewayFactory
 from server.scene import install as scene
+from server.schedule import install as schedule
 from server.study import install as study
 from server.survey import install as survey
 from server.system import install as system
@@ -58,6 +59,7 @@ CAPABILITIES = (
     plan,
     design,
     transfer,
+    schedule,
     target,
     survey,
     study,

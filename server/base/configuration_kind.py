@@ -22,6 +22,7 @@ from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig, fitting
 from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
+from robot_link.automation_config import AutomationConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from robot_link.standard_config import StandardCommandConfig
 from server.base.problem import not_found
@@ -164,6 +165,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _same_for_all(
                 "standard_commands", "Orders to a MAVLink vehicle", StandardCommandConfig()
             ),
+            _same_for_all("automation", "Automatic sends", AutomationConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )

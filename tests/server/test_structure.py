@@ -13,8 +13,8 @@ SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
     "link", "satellite", "command", "drive", "current", "map", "tag", "battery", "plan",
-    "plan_file", "design", "transfer", "target", "survey", "study", "prediction", "alarm", "scene",
-    "recording", "cli",
+    "plan_file", "design", "transfer", "schedule", "target", "survey", "study", "prediction",
+    "alarm", "scene", "recording", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 150
