@@ -8,7 +8,14 @@ import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
-import type { Alarm, ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
+import type {
+  Alarm,
+  ConfigDocument,
+  JsonObject,
+  SceneChange,
+  ScheduleWish,
+  SendWish,
+} from './types';
 import { OutlookApi } from './outlook';
 import { WaterApi } from './water';
 
@@ -206,6 +213,16 @@ export class Api {
 
   /** What sending a plan by satellite would take; nothing is sent. */
   quote = (plan: string) => told(this.#http.GET('/api/plans/{plan}/satellite', of({ plan })));
+
+  /** What waits at the station to be sent to a robot. */
+  schedule = (robot: string) => told(this.#http.GET('/api/robots/{robot}/schedule', of({ robot })));
+
+  /** Have a plan sent by itself; nothing is sent before its condition is true. */
+  scheduleSend = (plan: string, wish: ScheduleWish) =>
+    told(this.#http.POST('/api/plans/{plan}/schedule', { ...of({ plan }), body: wish }));
+
+  cancelScheduled = (id: string) =>
+    told(this.#http.POST('/api/schedule/{schedule_id}/cancel', of({ schedule_id: id })));
 
   withdraw = (transfer: string) =>
     done(this.#http.POST('/api/transfers/{transfer}/withdraw', of({ transfer })));

@@ -126,6 +126,8 @@ export type {
   TrackView as Track,
   TransferPartView as TransferPart,
   TransferView as Transfer,
+  ScheduleRequest as ScheduleWish,
+  ScheduledSendView as ScheduledSend,
   UploadRequest as SendWish,
   ViolationView as Violation,
 } from './generated/station';

@@ -2,6 +2,9 @@ import type { LinkKind, Plan, RobotLink, RouteChoice, SatelliteQuote, Way } from
 import { shownState } from '../../part/link_state';
 import { carrierName } from '../../text/word';
 
+/** When a plan is sent. */
+export type When = 'now' | 'surfacing' | 'time' | 'value';
+
 /** Limits that keep a robot in safe water. */
 const OUT_OF_BOUNDS = ['domain', 'keep_outs'];
 
