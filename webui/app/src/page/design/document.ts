@@ -151,6 +151,9 @@ export const PLAIN_SURFACING: SurfacingRules = {
   every_s: null,
   at_utc: [],
   max_uncertainty_m: null,
+  samples_waiting: null,
+  on_value: [],
+  hold_off_s: 600,
 };
 
 /** How a robot comes to a waypoint: what the waypoint says, else what the design says. */
