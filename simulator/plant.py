@@ -14,9 +14,9 @@ from simulator.flow import Flow
 PHYSICS_STEP_S = 0.02
 """Runge-Kutta step: accurate to micrometres and stable in contact with floor and walls."""
 
-_FLOOR = 7
+FLOOR = 7
 """Place of the floor's depth among the packed surroundings."""
-_SHALLOWEST_M = 0.2
+SHALLOWEST_M = 0.2
 """Where the survey says land, the robot lies in this much water, aground."""
 
 
@@ -74,7 +74,7 @@ class Plant:
             self._surroundings[0:2] += self._flow.velocity_ne_m_s(here)[0]
         if self._uneven is not None:
             below_m = float(self._uneven.floor_m(self.state[0], self.state[1]))
-            self._surroundings[_FLOOR] = max(below_m, _SHALLOWEST_M)
+            self._surroundings[FLOOR] = max(below_m, SHALLOWEST_M)
         set_points = np.array(
             [
                 command.net_buoyancy_kg,

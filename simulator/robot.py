@@ -1,7 +1,7 @@
 """One simulated robot: a body in its water, and the onboard program that moves it."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 
@@ -38,6 +38,8 @@ class SimulatedBody:
         seed: Starting point of its randomness.
         conditions: Layers and waves of the water; by default mixed and calm.
         water_s: Time of the water when its life begins, s.
+        randomness: Generators of its eddies, its sensors and its instruments, in place of the
+            seed's.
     """
 
     def __init__(
@@ -46,9 +48,10 @@ class SimulatedBody:
         seed: int,
         conditions: WaterConditions | None = None,
         water_s: float = 0.0,
+        randomness: Sequence[np.random.Generator] | None = None,
     ) -> None:
         generator = np.random.default_rng([seed, definition.system_id])
-        current, sensors, instruments = generator.spawn(3)
+        current, sensors, instruments = randomness or generator.spawn(3)
         self.battery = Battery(definition.battery)
         north = TrueNorth(definition.site.origin_latitude_deg)
         self.sensors = Sensors(definition.sensors, definition.site.variable, sensors, north)

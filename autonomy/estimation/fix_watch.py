@@ -19,9 +19,9 @@ PRIOR_FREEDOM = 4.0
 """Worth two dives that went as expected."""
 SHORTEST_DIVE_S = 10.0
 """A shorter time without a fix tells nothing of the water."""
-_SURPRISE = 5.99
+SURPRISE = 5.99
 """One honest dive in twenty is farther off."""
-_DISTANCES = 5.0
+DISTANCES = 5.0
 """Two fixes of one place lie within so many standard deviations of their difference."""
 
 
@@ -47,7 +47,7 @@ class FixWatch:
         if not self._seen:
             return self._least
         largest = sorted(squared for squared, _ in self._seen)
-        cap = max(_SURPRISE, largest[-2] if len(largest) > 1 else 0.0)
+        cap = max(SURPRISE, largest[-2] if len(largest) > 1 else 0.0)
         freedom = PRIOR_FREEDOM + sum(2.0 * weight for _, weight in self._seen)
         total = PRIOR_FREEDOM + sum(min(squared, cap) * weight for squared, weight in self._seen)
         return min(max(self._least, math.sqrt(total / freedom)), MOST_DOUBT)
@@ -106,13 +106,13 @@ class FixGate:
             away_m: Its distance from the last fix that was believed.
             since_s: Time since then.
         """
-        reach_m = self._speed * since_s + _DISTANCES * math.sqrt(2.0) * self._std_m
+        reach_m = self._speed * since_s + DISTANCES * math.sqrt(2.0) * self._std_m
         if squared <= self._limit and away_m <= reach_m:
             self._strange, self._in_a_row = None, 0
             return Verdict.BELIEVED
         before, self._strange = self._strange, fix_ne
         # fixes come often, so those of one place lie near each other
-        near_m = self._speed * 2.0 + _DISTANCES * math.sqrt(2.0) * self._std_m
+        near_m = self._speed * 2.0 + DISTANCES * math.sqrt(2.0) * self._std_m
         agrees = before is not None and math.dist(before, fix_ne) <= near_m
         self._in_a_row = self._in_a_row + 1 if agrees else 1
         if self._in_a_row >= self._patience:

@@ -26,10 +26,10 @@ LONGEST_STEP_S = 0.1
 LONGEST_SILENCE_S = 5.0
 """After a longer time without readings nothing but a widened covariance is claimed."""
 _FIRST_SPEED_STD_M_S = 0.05
-_UNTOLD = 1.5
+UNTOLD = 1.5
 """How strong the current is here is a guess itself: until a fix tells, the filter begins with so
 much more. A Student's t of four degrees of freedom has its 95 % circle there."""
-_FASTEST_CURRENT_STDS = 4.0
+FASTEST_CURRENT_STDS = 4.0
 """The robot may move over ground by its own speed and a current of so many standard deviations."""
 _HORIZONTAL = [kernel.NORTH, kernel.EAST]
 
@@ -78,7 +78,7 @@ class ModelFilter:
         self._still_water = Surroundings().packed()
         self._noise = process_noise(estimator, config)
         self._x, self._S = first_belief(estimator, config, position_ned, position_std_m)
-        self._S[kernel.STEADY_NORTH : kernel.EDDY_NORTH] *= _UNTOLD
+        self._S[kernel.STEADY_NORTH : kernel.EDDY_NORTH] *= UNTOLD
         self._attitude = np.array(attitude_rad, dtype=np.float64)
         self._rates = np.array(angular_velocity_rad_s, dtype=np.float64)
         self._actuators = np.array(actuators, dtype=np.float64)
@@ -91,7 +91,7 @@ class ModelFilter:
         self._gate = FixGate(
             config.outlier.limit,
             config.outlier.fix_patience,
-            config.greatest_speed_m_s + _FASTEST_CURRENT_STDS * config.current.steady_std_m_s,
+            config.greatest_speed_m_s + FASTEST_CURRENT_STDS * config.current.steady_std_m_s,
             estimator.fix_std_m,
         )
         self._believed_fix: tuple[float, float] | None = None

@@ -88,7 +88,7 @@ def triangular(rows: FloatArray) -> FloatArray:
 
 
 @inner_kernel
-def _swim(
+def swim(
     probe: FloatArray,
     start: FloatArray,
     command: FloatArray,
@@ -121,7 +121,7 @@ def _swim(
 
 
 @inner_kernel
-def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -> None:
+def carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -> None:
     """Carry what moves linearly on: position by current; currents, bias and shares by their memory.
 
     Args:
@@ -156,13 +156,13 @@ def _bend(
 ) -> None:
     """Add to ``later`` and to the factor's ``rows`` what the vehicle's equations make of both."""
     bent = (DEPTH, FORWARD, STARBOARD, DOWN, NORTH, EAST)
-    centre = _swim(x[:BENT], start, command, time_s, packed, water, dt_s, steps)
+    centre = swim(x[:BENT], start, command, time_s, packed, water, dt_s, steps)
     for k in range(6):
         later[bent[k]] += centre[k]
     for i in range(BENT):
         reach = _SPREAD * S[:BENT, i]
-        ahead = _swim(x[:BENT] + reach, start, command, time_s, packed, water, dt_s, steps)
-        behind = _swim(x[:BENT] - reach, start, command, time_s, packed, water, dt_s, steps)
+        ahead = swim(x[:BENT] + reach, start, command, time_s, packed, water, dt_s, steps)
+        behind = swim(x[:BENT] - reach, start, command, time_s, packed, water, dt_s, steps)
         for k in range(6):
             bend = ahead[k] + behind[k] - 2.0 * centre[k]
             later[bent[k]] += bend / (2.0 * _SPREAD**2)
@@ -240,9 +240,9 @@ def predict(
     start = np.zeros(15)
     start[3:6], start[9:12], start[12:15] = attitude, rates, actuators
     later, rows = np.zeros(STATES), np.zeros((2 * STATES + BENT, STATES))
-    _carry(x, dt_s, kept, later)
+    carry(x, dt_s, kept, later)
     for i in range(STATES):
-        _carry(S[:, i], dt_s, kept, rows[i])
+        carry(S[:, i], dt_s, kept, rows[i])
     _bend(x, S, start, command, time_s, packed, water, dt_s, steps, later, rows)
     _disturb(rows[STATES + BENT :], dt_s, kept, x[FORWARD:BIAS], packed, noise)
     x[:] = later

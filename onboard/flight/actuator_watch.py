@@ -20,13 +20,13 @@ _AWAY_SHARE = 0.08
 than the second from where it should go, is stuck."""
 _MOVED_SHARE = 0.05
 """A command this part of the travel away teaches something of rate and delay."""
-_SWING_RAD = 0.25
-_SWINGS = 6
-_SWINGS_WITHIN_S = 30.0
+SWING_RAD = 0.25
+SWINGS = 6
+SWINGS_WITHIN_S = 30.0
 """So many swings of the pitch error and of the sliding mass, to and fro, within this time are a
 limit cycle."""
-_MASS_SWING_SHARE = 0.15
-_CALM_S = 180.0
+MASS_SWING_SHARE = 0.15
+CALM_S = 180.0
 """Without a new limit cycle for so long, the robot counts as calm again."""
 
 
@@ -136,7 +136,7 @@ class SwingCount:
         self._size = size
         self._extreme = math.nan
         self._way = 0
-        self._turned_s: deque[float] = deque(maxlen=_SWINGS)
+        self._turned_s: deque[float] = deque(maxlen=SWINGS)
 
     def step(self, value: float, time_s: float) -> None:
         """Take the newest value."""
@@ -152,7 +152,7 @@ class SwingCount:
     def swings(self, time_s: float) -> bool:
         """Tell whether it turned back so often of late."""
         turned = self._turned_s
-        return len(turned) == _SWINGS and time_s - turned[0] < _SWINGS_WITHIN_S
+        return len(turned) == SWINGS and time_s - turned[0] < SWINGS_WITHIN_S
 
 
 class ActuatorWatch:
@@ -176,8 +176,8 @@ class ActuatorWatch:
         """The buoyancy pump."""
         self.tail = Follower(limits.delta_rate_rad_s, self._tail_travel_rad, period_s)
         """The tail; while it beats, its rate and delay are not learned."""
-        self._pitch_swings = SwingCount(_SWING_RAD)
-        self._mass_swings = SwingCount(_MASS_SWING_SHARE * travel_m)
+        self._pitch_swings = SwingCount(SWING_RAD)
+        self._mass_swings = SwingCount(MASS_SWING_SHARE * travel_m)
 
     def step(self, sent: SetPoints, readings: Readings, wanted_pitch_rad: float | None) -> None:
         """Take what the actuators were told, and what the sensors said one period later.
@@ -202,7 +202,7 @@ class ActuatorWatch:
     @property
     def is_swinging(self) -> bool:
         """Whether pitch and sliding mass chased each other of late."""
-        return self._time_s - self._swung_s < _CALM_S
+        return self._time_s - self._swung_s < CALM_S
 
     @property
     def stuck(self) -> tuple[Actuator, ...]:

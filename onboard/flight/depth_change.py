@@ -8,8 +8,8 @@ from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate
 from onboard.flight.pilot import DepthReference
 
-_TIMEOUT_FACTOR, _TIMEOUT_S = 2.5, 60.0
-_PUMPING_SHARE = 0.6
+TIMEOUT_FACTOR, TIMEOUT_S = 2.5, 60.0
+PUMPING_SHARE = 0.6
 """Part of the pump's way back to neutral during which the robot still moves on."""
 
 
@@ -75,7 +75,7 @@ class DepthChange:
             flight.profile.reversal_m_s2,
             flight.profile.depth_leash_m,
         )
-        self._patience_s = _TIMEOUT_FACTOR * self.time_left_s(estimate) + _TIMEOUT_S
+        self._patience_s = TIMEOUT_FACTOR * self.time_left_s(estimate) + TIMEOUT_S
 
     def step(self, estimate: Estimate, dt_s: float) -> DepthReference:
         """Return the depth to be at."""
@@ -108,4 +108,4 @@ class DepthChange:
         net_buoyancy = max(down * estimate.readings.net_buoyancy_kg, 0.0)
         pumping_s = net_buoyancy / self._flight.vehicle.limits.m0_rate_kg_s
         reversing_s = rate / self._flight.profile.reversal_m_s2
-        return rate * (0.5 * reversing_s + _PUMPING_SHARE * pumping_s)
+        return rate * (0.5 * reversing_s + PUMPING_SHARE * pumping_s)

@@ -49,9 +49,9 @@ from robot_link.onboard_settings import DigestSettings
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
-_MIND_EVERY_S = 1.0
+MIND_EVERY_S = 1.0
 """Time between two looks at how the actuators follow."""
-_HOLDING_SHARE = 0.5
+HOLDING_SHARE = 0.5
 """In a current of more than this part of its swimming speed the robot goes nowhere upstream."""
 _TALK_MAX_S = 400.0
 """Longest stay at the surface for a call by satellite that does not end."""
@@ -366,7 +366,7 @@ class Executive:
         if running and self._stage is not Stage.ABORT and (stuck := self._stuck_text()):
             self._abort(stuck)
         self._minded_s += self._period_s
-        if self._minded_s < _MIND_EVERY_S:
+        if self._minded_s < MIND_EVERY_S:
             return
         self._minded_s = 0.0
         mass, is_swinging = watch.mass.belief, watch.is_swinging
@@ -476,7 +476,7 @@ class Executive:
             return legs[0].end_ned[:2]
         start = legs[0].start_ned[:2]
         believed = estimate.current.sure_ne_m_s
-        if not 0.0 < math.hypot(*believed) < _HOLDING_SHARE * profile.swimming_speed_m_s:
+        if not 0.0 < math.hypot(*believed) < HOLDING_SHARE * profile.swimming_speed_m_s:
             return start
         start = upstream(start, legs, estimate, self._planned_ne_m_s)
         if legs[0].kind is not PrimitiveKind.SWIM:

@@ -9,11 +9,11 @@ _RATE_USE = 0.8
 """Part of the mass's speed that a change of the wanted pitch may take."""
 _FLOW = 1.3
 """Way of the mass for a change of pitch, relative to that without flow."""
-_SPEEDING_UP_S = 3.0
+SPEEDING_UP_S = 3.0
 """Time in which the wanted pitch begins to change at its full speed."""
 _BEHIND_RAD = 0.04
 """How far the pitch may move before the mass begins to answer."""
-_SLOWEST_SHARE = 0.4
+SLOWEST_SHARE = 0.4
 """A glide that is slower yet is ruled by what the ballast has wrong."""
 
 
@@ -32,8 +32,8 @@ def gait_for(
         is_swinging: Whether pitch and mass chase each other.
     """
     if is_swinging:
-        pitch_rate = _SLOWEST_SHARE * profile.pitch_rate_rad_s
-        return Gait(_SLOWEST_SHARE, pitch_rate, pitch_rate / _SPEEDING_UP_S)
+        pitch_rate = SLOWEST_SHARE * profile.pitch_rate_rad_s
+        return Gait(SLOWEST_SHARE, pitch_rate, pitch_rate / SPEEDING_UP_S)
     if not mass.is_off:
         return Gait()
     p = vehicle.parameters
@@ -44,4 +44,4 @@ def gait_for(
         pitch_rate = min(pitch_rate, _BEHIND_RAD / mass.delay_s)
     share = min(pitch_rate / profile.pitch_rate_rad_s, 1.0)
     pitch_rate = share * profile.pitch_rate_rad_s
-    return Gait(max(share, _SLOWEST_SHARE), pitch_rate, pitch_rate / _SPEEDING_UP_S)
+    return Gait(max(share, SLOWEST_SHARE), pitch_rate, pitch_rate / SPEEDING_UP_S)

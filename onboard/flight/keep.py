@@ -8,7 +8,7 @@ from onboard.flight.maneuver import Flight, Swim, bearing, distance
 from onboard.flight.navigation import Estimate
 from robot_link.messages import RobotMode
 
-_INNER_SHARE = 0.25
+INNER_SHARE = 0.25
 """Part of the radius to which it comes back."""
 
 
@@ -60,7 +60,7 @@ class Keep:
         to_place = bearing(estimate, self._place)
         north, east, _ = estimate.velocity_ned
         closing_m_s = north * math.cos(to_place) + east * math.sin(to_place)
-        return away_m - self._flight.profile.coast_s * closing_m_s < _INNER_SHARE * self._radius_m
+        return away_m - self._flight.profile.coast_s * closing_m_s < INNER_SHARE * self._radius_m
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the time is over."""

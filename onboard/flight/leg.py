@@ -21,8 +21,8 @@ from onboard.flight.pilot import DepthReference
 from onboard.flight.pitch_aim import GlidePolar, PitchAim
 from robot_link.messages import RobotMode
 
-_AHEAD_RAD = math.radians(50.0)
-_SETTLING_S = 5.0
+AHEAD_RAD = math.radians(50.0)
+SETTLING_S = 5.0
 
 
 _NorthEast = tuple[float, float]
@@ -150,7 +150,7 @@ class Glide:
         target = self._aimed_at(estimate)
         left_m = distance(estimate, target)
         off = wrap(bearing(estimate, target) - self._course)
-        if abs(off) < _AHEAD_RAD and left_m > self._flight.profile.near_m:
+        if abs(off) < AHEAD_RAD and left_m > self._flight.profile.near_m:
             self._course = wrap(self._course + off)
             off = 0.0
         return self._flight.pilot.glide(
@@ -202,7 +202,7 @@ class FlatDive:
 
     def step(self, estimate: Estimate, depth: DepthReference, dt_s: float) -> SetPoints:
         """Sink or rise on."""
-        left_s = self._depth.time_left_s(estimate) + _SETTLING_S
+        left_s = self._depth.time_left_s(estimate) + SETTLING_S
         target = carried(self._target, estimate, -left_s)
         off = bearing(estimate, target) - estimate.course_heading_rad
         along_m = distance(estimate, target) * math.cos(off)

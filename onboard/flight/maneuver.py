@@ -13,11 +13,11 @@ from onboard.flight.pilot import DepthReference, Pilot, forward_speed, heading_e
 from onboard.profile import FlightProfile
 from robot_link.messages import RobotMode
 
-_ALIGNED_RAD = math.radians(15.0)
-_ALIGNED_S = 1.0
-_TURN_TIMEOUT_S = 90.0
-_SWIM_TIMEOUT_S = 60.0
-_CRAB_MOST = 0.7
+ALIGNED_RAD = math.radians(15.0)
+ALIGNED_S = 1.0
+TURN_TIMEOUT_S = 90.0
+SWIM_TIMEOUT_S = 60.0
+CRAB_MOST = 0.7
 """Greatest part of a swim's speed that is spent against the current from aside."""
 
 
@@ -97,14 +97,14 @@ class Turn:
         """Swim towards the course."""
         course = self._course_rad(estimate)
         self._elapsed_s += dt_s
-        aligned = abs(heading_error(estimate, course)) < _ALIGNED_RAD
+        aligned = abs(heading_error(estimate, course)) < ALIGNED_RAD
         aligned = aligned and forward_speed(estimate) > self._flight.profile.entry_speed_m_s
         self._aligned_s = self._aligned_s + dt_s if aligned else 0.0
         return self._flight.pilot.swim(estimate, course)
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the robot has swum along the course for a moment."""
-        return self._aligned_s >= _ALIGNED_S or self._elapsed_s > _TURN_TIMEOUT_S
+        return self._aligned_s >= ALIGNED_S or self._elapsed_s > TURN_TIMEOUT_S
 
 
 class Swim:
@@ -126,7 +126,7 @@ class Swim:
         self._course = self._towards(estimate)
         self._closest_m = self._distance_m
         expected_s = self._distance_m / flight.profile.swimming_speed_m_s
-        self._left_s = 2.0 * expected_s + _SWIM_TIMEOUT_S
+        self._left_s = 2.0 * expected_s + SWIM_TIMEOUT_S
 
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
         """Swim on."""
@@ -156,7 +156,7 @@ class Swim:
         north, east = estimate.current.sure_ne_m_s
         aside_m_s = east * math.cos(course) - north * math.sin(course)
         share = aside_m_s / self._flight.profile.swimming_speed_m_s
-        return course - math.asin(min(max(share, -_CRAB_MOST), _CRAB_MOST))
+        return course - math.asin(min(max(share, -CRAB_MOST), CRAB_MOST))
 
 
 class Float:

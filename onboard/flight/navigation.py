@@ -20,8 +20,8 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.hardware import Readings, SetPoints
 
-_FIX_HOLDS_S = 2.0
-_TOLD_SHARE, _TOLD_LEAST_M_S = 0.5, 0.001
+FIX_HOLDS_S = 2.0
+TOLD_SHARE, TOLD_LEAST_M_S = 0.5, 0.001
 """Standard deviation of a plan's word of the current, as a share of the prior's."""
 _SENSED = tuple(field.name for field in fields(Readings) if field.name != "fix_ne_m")
 _sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
@@ -227,7 +227,7 @@ class ModelTrack:
             angular_velocity_rad_s=readings.gyro_rad_s,
             actuators=_actuators(readings),
         )
-        self._told_std_m_s = max(_TOLD_SHARE * config.steady_current_m_s, _TOLD_LEAST_M_S)
+        self._told_std_m_s = max(TOLD_SHARE * config.steady_current_m_s, TOLD_LEAST_M_S)
         self._expected: tuple[float, float] | None = None
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
@@ -358,7 +358,7 @@ class Navigator:
             state=np.concatenate([position, attitude, now.velocity_body, rates]),
             readings=readings,
             course_heading_rad=self._mean_heading(),
-            has_fix=self._since_fix_s < _FIX_HOLDS_S,
+            has_fix=self._since_fix_s < FIX_HOLDS_S,
             current=now.current,
         )
 

@@ -17,29 +17,29 @@ from onboard.flight.course import wrap
 from onboard.flight.hardware import SetPoints
 from onboard.flight.navigation import Estimate
 
-_FLOATING_SHARE = 0.15
+FLOATING_SHARE = 0.15
 """Part of the greatest buoyancy that keeps the robot at the surface and is quickly pumped away."""
-_SWIMMING_PITCH_RAD = math.radians(4.0)
+SWIMMING_PITCH_RAD = math.radians(4.0)
 """Nose up at the surface: a swimming robot dives otherwise. Kept by the sliding mass."""
-_RISING_SHARE = 0.6
-_RISING_MASS_SHARE = 0.5
+RISING_SHARE = 0.6
+RISING_MASS_SHARE = 0.5
 """Parts of buoyancy and sliding mass for coming up: fast, yet far from a vertical attitude."""
-_SWIMMING_GAIN = 2.0
-_SWIMMING_BIAS_MAX_RAD = 1.35
+SWIMMING_GAIN = 2.0
+SWIMMING_BIAS_MAX_RAD = 1.35
 """Tail bias by heading error; a flapping robot turns at a rate nearly proportional to the bias."""
-_RUDDER_GAIN = 1.5
-_RUDDER_MAX_RAD = 0.6
-_SPIRAL_RUDDER_RAD = 0.8
-_SPIRAL_RUDDER_MAX_RAD = 1.7
-_FLAP_AT_RAD = math.radians(25.0)
-_GLIDE_AT_RAD = math.radians(8.0)
+RUDDER_GAIN = 1.5
+RUDDER_MAX_RAD = 0.6
+SPIRAL_RUDDER_RAD = 0.8
+SPIRAL_RUDDER_MAX_RAD = 1.7
+FLAP_AT_RAD = math.radians(25.0)
+GLIDE_AT_RAD = math.radians(8.0)
 """A gliding robot turns slowly by its rudder: it flaps until the heading error is small again."""
-_BRAKING_GAIN_S_M = 25.0
-_BRAKING_PITCH_MAX_RAD = math.radians(35.0)
+BRAKING_GAIN_S_M = 25.0
+BRAKING_PITCH_MAX_RAD = math.radians(35.0)
 """Pitch of a flat dive by the horizontal speed that it should not have."""
-_PITCH_RATE_MAX_RAD_S, _PITCH_ACCELERATION_MAX_RAD_S2 = 0.1, 0.05
+PITCH_RATE_MAX_RAD_S, PITCH_ACCELERATION_MAX_RAD_S2 = 0.1, 0.05
 """A wanted pitch that changes faster begins anew; what slews is slower."""
-_AHEAD_M = 0.1
+AHEAD_M = 0.1
 """Distance of the tracked point ahead of the robot; it only sets the direction to go."""
 
 
@@ -114,12 +114,12 @@ class Pilot:
 
     def rest(self) -> SetPoints:
         """Lie at the surface."""
-        return SetPoints(_FLOATING_SHARE * self._vehicle.limits.m0_min_kg, self._vehicle.swim.rp1_m)
+        return SetPoints(FLOATING_SHARE * self._vehicle.limits.m0_min_kg, self._vehicle.swim.rp1_m)
 
     def rise(self) -> SetPoints:
         """Come up as fast as is safe, wherever that leads."""
         limits = self._vehicle.limits
-        return SetPoints(_RISING_SHARE * limits.m0_min_kg, _RISING_MASS_SHARE * limits.rp1_min_m)
+        return SetPoints(RISING_SHARE * limits.m0_min_kg, RISING_MASS_SHARE * limits.rp1_min_m)
 
     def swim(self, estimate: Estimate, course_rad: float) -> SetPoints:
         """Swim at the surface and turn towards a course, on the spot if it is far off.
@@ -169,7 +169,7 @@ class Pilot:
         """
         excess = forward_speed(estimate) - forward_speed_m_s
         down = math.copysign(1.0, depth.rate_m_s)
-        pitch = down * _clip(_BRAKING_GAIN_S_M * excess, _BRAKING_PITCH_MAX_RAD)
+        pitch = down * _clip(BRAKING_GAIN_S_M * excess, BRAKING_PITCH_MAX_RAD)
         return self._track(estimate, depth, pitch)
 
     def glide(
@@ -195,8 +195,8 @@ class Pilot:
         tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
         if self._needs_flap(estimate, course_rad) or thrust:
             return self._flapping(estimate, course_rad, tracked)
-        rudder = -_RUDDER_GAIN * heading_error(estimate, course_rad)
-        return _with_tail(tracked, _clip(rudder, _RUDDER_MAX_RAD))
+        rudder = -RUDDER_GAIN * heading_error(estimate, course_rad)
+        return _with_tail(tracked, _clip(rudder, RUDDER_MAX_RAD))
 
     def spiral(
         self,
@@ -219,16 +219,16 @@ class Pilot:
             net_buoyancy_max_kg: Greatest magnitude of the net mass.
         """
         error = heading_error(estimate, heading_rad)
-        tail = -_SPIRAL_RUDDER_RAD * turn_sign - _SWIMMING_GAIN * error
+        tail = -SPIRAL_RUDDER_RAD * turn_sign - SWIMMING_GAIN * error
         tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
-        return _with_tail(tracked, _clip(tail, _SPIRAL_RUDDER_MAX_RAD))
+        return _with_tail(tracked, _clip(tail, SPIRAL_RUDDER_MAX_RAD))
 
     def _afloat(self, estimate: Estimate) -> SetPoints:
         """Return net mass and sliding mass of swimming at the surface."""
         limits = self._vehicle.limits
-        excess = estimate.pitch_rad - _SWIMMING_PITCH_RAD
+        excess = estimate.pitch_rad - SWIMMING_PITCH_RAD
         return SetPoints(
-            _FLOATING_SHARE * limits.m0_min_kg,
+            FLOATING_SHARE * limits.m0_min_kg,
             self._vehicle.swim.rp1_m + abs(limits.rp1_min_m) * excess,
         )
 
@@ -251,15 +251,15 @@ class Pilot:
             law.hear(seen.net_buoyancy_kg, seen.mass_position_m, seen.tail_rad)
             if self._last_pitch_rad is not None:
                 change = (pitch_rad - self._last_pitch_rad) / self._period_s
-                pitch_rate = _clip(change, _PITCH_RATE_MAX_RAD_S)
+                pitch_rate = _clip(change, PITCH_RATE_MAX_RAD_S)
                 change = (pitch_rate - self._last_pitch_rate_rad_s) / self._period_s
-                pitch_acceleration = _clip(change, _PITCH_ACCELERATION_MAX_RAD_S2)
+                pitch_acceleration = _clip(change, PITCH_ACCELERATION_MAX_RAD_S2)
         self._last_pitch_rate_rad_s = pitch_rate
         self.wanted_pitch_rad = pitch_rad
         command = law.command(
             estimate.state,
             Reference(
-                (north + _AHEAD_M * ahead[0], east + _AHEAD_M * ahead[1], depth.depth_m),
+                (north + AHEAD_M * ahead[0], east + AHEAD_M * ahead[1], depth.depth_m),
                 pitch_rad,
                 (speed * ahead[0], speed * ahead[1], depth.rate_m_s),
                 pitch_rate,
@@ -272,7 +272,7 @@ class Pilot:
 
     def _needs_flap(self, estimate: Estimate, course_rad: float) -> bool:
         """Tell whether only the flapping tail turns the robot soon enough; with hysteresis."""
-        limit = _GLIDE_AT_RAD if self._flaps else _FLAP_AT_RAD
+        limit = GLIDE_AT_RAD if self._flaps else FLAP_AT_RAD
         self._flaps = abs(heading_error(estimate, course_rad)) > limit
         return self._flaps
 
@@ -281,7 +281,7 @@ class Pilot:
         return SetPoints(
             trim.net_buoyancy_kg,
             trim.mass_position_m,
-            tail_rad=_clip(-_SWIMMING_GAIN * error, _SWIMMING_BIAS_MAX_RAD),
+            tail_rad=_clip(-SWIMMING_GAIN * error, SWIMMING_BIAS_MAX_RAD),
             tail_amplitude_rad=self._vehicle.swim.amplitude_rad,
             tail_frequency_hz=self._vehicle.swim.frequency_hz,
         )

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.glide import NoSteadyGlideError, angle_of_attack, glide_inputs
 from onboard.flight.depth_change import DepthChange
@@ -14,12 +15,12 @@ from onboard.flight.pilot import forward_speed
 _GRID_RAD = np.radians(np.arange(25.0, 76.0, 1.0))
 _MIDDLE_RAD = math.radians(45.0)
 _SLOWER = 0.95
-_AIM_INTERVAL_S = 1.0
-_LEAST_SETTLED_SHARE = 0.2
-_BUOYANCY_RESERVE = 1.2
-_RUN_OUT_SHARE = 0.4
+AIM_INTERVAL_S = 1.0
+LEAST_SETTLED_SHARE = 0.2
+BUOYANCY_RESERVE = 1.2
+RUN_OUT_SHARE = 0.4
 """Time constant of slowing down in a flat dive, which brakes, relative to that of a glide."""
-_SHORT_ON, _SHORT_OFF = 1.4, 1.15
+SHORT_ON, SHORT_OFF = 1.4, 1.15
 """Ratio of the speed that is needed to the fastest glide, at which the leg begins and ceases to
 count as falling short."""
 
@@ -52,6 +53,11 @@ class GlidePolar:
         return float(np.interp(steepness_rad, self._steepness_rad, self._pitch_rad))
 
     @property
+    def table_rad(self) -> tuple[FloatArray, FloatArray]:
+        """Steepness of each path, ascending, and the pitch on it."""
+        return self._steepness_rad, self._pitch_rad
+
+    @property
     def fastest_m_s(self) -> float:
         """Horizontal speed of the flattest glide."""
         return abs(self.rate_m_s) / math.tan(self._steepness_rad[0])
@@ -82,7 +88,7 @@ class PitchAim:
     ) -> None:
         self._polar = polar
         self._depth = depth
-        self.net_buoyancy_max_kg = _BUOYANCY_RESERVE * polar.net_buoyancy_max_kg
+        self.net_buoyancy_max_kg = BUOYANCY_RESERVE * polar.net_buoyancy_max_kg
         """More is of no use to a glide: it only takes longer to pump away again."""
         self._slew_rad_s = min(flight.profile.pitch_rate_rad_s, flight.gait.pitch_rate_rad_s)
         self._slew_growth_rad_s2 = flight.gait.pitch_acceleration_rad_s2
@@ -93,7 +99,7 @@ class PitchAim:
         drag_kg_m = p.water_density_kg_m3 * p.area_m2 * p.drag_0
         gliding_m_s = math.sqrt(2.0) * abs(polar.rate_m_s)
         self._speeding_up_s = p.mass_1_kg / (drag_kg_m * gliding_m_s)
-        self._run_out_s = _RUN_OUT_SHARE * self._speeding_up_s if stops else 0.0
+        self._run_out_s = RUN_OUT_SHARE * self._speeding_up_s if stops else 0.0
         self.falls_short = False
         """Whether even the flattest glide ends well before the target."""
 
@@ -101,7 +107,7 @@ class PitchAim:
         """Return the pitch to hold when ``left_m`` metres of horizontal way are left."""
         self._next_s -= dt_s
         if self._next_s <= 0.0:
-            self._next_s = _AIM_INTERVAL_S
+            self._next_s = AIM_INTERVAL_S
             self._aim(estimate, left_m)
         self._pitch_rad += self._change(dt_s)
         return self._pitch_rad
@@ -118,17 +124,17 @@ class PitchAim:
         return self._rate_rad_s * dt_s
 
     def _aim(self, estimate: Estimate, left_m: float) -> None:
-        left_s = max(self._depth.time_left_s(estimate), _AIM_INTERVAL_S)
+        left_s = max(self._depth.time_left_s(estimate), AIM_INTERVAL_S)
         left_m -= self._run_out_s * max(forward_speed(estimate), 0.0)
         # speed nears that of the steady glide exponentially
         coasting_s = self._speeding_up_s * -math.expm1(-left_s / self._speeding_up_s)
         carried_m = max(forward_speed(estimate), 0.0) * coasting_s
-        settled_s = max(left_s - coasting_s, _LEAST_SETTLED_SHARE * left_s)
+        settled_s = max(left_s - coasting_s, LEAST_SETTLED_SHARE * left_s)
         needed_m_s = (left_m - carried_m) / settled_s
         rate = abs(self._polar.rate_m_s)
         steepness = math.atan2(rate, needed_m_s) if needed_m_s > 0.0 else math.pi / 2.0
         self._wanted_rad = self._polar.pitch_rad(steepness)
-        limit = _SHORT_OFF if self.falls_short else _SHORT_ON
+        limit = SHORT_OFF if self.falls_short else SHORT_ON
         self.falls_short = needed_m_s > limit * self._polar.fastest_m_s
 
 

@@ -27,7 +27,7 @@ def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate
     return ""
 
 
-_DOUBT_STDS = 2.0
+DOUBT_STDS = 2.0
 """So many standard deviations of the position are kept from walls and shore at least."""
 
 
@@ -52,7 +52,7 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
 
 def kept_from_walls_m(flight: Flight, estimate: Estimate) -> float:
     """Return how far the robot keeps from walls and shore, as sure as it is of its position."""
-    return max(flight.profile.shore_margin_m, _DOUBT_STDS * estimate.position_std_m)
+    return max(flight.profile.shore_margin_m, DOUBT_STDS * estimate.position_std_m)
 
 
 def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:

@@ -1,0 +1,1 @@
+"""Missions flown ahead by compiled code: onboard program and simulated robot as one kernel."""

@@ -1,0 +1,60 @@
+"""The simulated robot's body, compiled: water that drifts, the plant, its battery and sensors.
+
+``simulator.plant``, ``simulator.current``, ``simulator.sensor`` and ``simulator.battery`` are the
+readable form. The heading counts from the frame's north: the compass counts from true north and the
+program takes that back, which leaves a millionth of a radian.
+"""
+
+import math
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import inner_kernel
+from autonomy.planner.leg import flow_kernel
+from autonomy.vehicle import extended_kernel
+from simulator.ahead import water as waters
+from simulator.ahead.state import Robot, Setup, State, Water
+from simulator.plant import FLOOR, SHALLOWEST_M
+
+advance = extended_kernel.advance
+flow_at = flow_kernel.flow_at
+floor_m = waters.floor_m
+"""Names that numba resolves once, when it compiles."""
+
+_EARLY_S = 1e-6
+
+
+@inner_kernel
+def move(s: State, setup: Setup, robot: Robot, water: Water, noise: FloatArray) -> None:
+    """Let a period pass under the set points that hold."""
+    kept = math.exp(-setup.period_s / setup.eddy_correlation_s)
+    fresh = setup.eddy_std_m_s * math.sqrt(1.0 - kept * kept)
+    north, east = flow_at(water.flow, s.x[0], s.x[1], max(s.x[2], 0.0), setup.water_s + s.plant_s)
+    around = robot.surroundings
+    for i in range(2):
+        s.eddy_ne_m_s[i] = kept * s.eddy_ne_m_s[i] + fresh * noise[i]
+        around[i] = setup.steady_ne_m_s[i] + s.eddy_ne_m_s[i] + (north if i == 0 else east)
+    if setup.is_uneven:
+        around[FLOOR] = max(floor_m(water, s.x[0], s.x[1]), SHALLOWEST_M)
+    s.x[15] = 0.0
+    step_s = setup.period_s / setup.plant_steps
+    s.x[:] = advance(s.x, s.driven, robot.true, around, s.plant_s, step_s, setup.plant_steps)
+    s.plant_s += setup.plant_steps * step_s
+    s.battery = max(0.0, s.battery - s.x[15] / setup.battery_j)
+
+
+@inner_kernel
+def read(s: State, setup: Setup, noise: FloatArray) -> None:
+    """Read all sensors, in the terms of the model: with the mission's trim taken off."""
+    std, x = setup.noise_std, s.x
+    s.depth_m = x[2] + std[0] * noise[2]
+    for i in range(3):
+        s.angles_rad[i] = x[3 + i] + std[1 + i] * noise[3 + i]
+        s.gyro_rad_s[i] = x[9 + i] + std[4 + i] * noise[6 + i]
+        s.actuators[i] = x[12 + i] + std[7 + i] * noise[9 + i]
+    s.actuators[0] += setup.buoyancy_bias_kg - s.trim_kg
+    s.actuators[1] += setup.mass_position_bias_m - s.trim_m
+    s.has_reading_fix = x[2] <= setup.fix_depth_m and s.plant_s >= s.next_fix_s - _EARLY_S
+    if s.has_reading_fix:
+        s.next_fix_s = s.plant_s + setup.fix_period_s
+        for i in range(2):
+            s.fix_ne_m[i] = x[i] + std[11 + i] * noise[13 + i]
