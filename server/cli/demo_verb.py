@@ -36,11 +36,11 @@ from server.base.secret import SecretStore
 from server.base.settings import LINK_FOLDER
 from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, LOG_FOLDER, DataFolderError, make_data_folder
-from server.cli.demo_gateway import decide_signing, free_port, prepare_gateway
+from server.cli.demo.gateway import decide_signing, free_port, prepare_gateway
+from server.cli.demo.supervisor import Child, Supervisor
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
 from server.cli.simulate_verb import add_world_options
-from server.cli.supervisor import Child, Supervisor
 from simulator.fault import CausedFault
 from simulator.fleet import (
     DEMO_ROBOTS,

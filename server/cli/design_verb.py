@@ -107,7 +107,7 @@ def _import(client: httpx.Client, arguments: Namespace) -> None:
         )
     ).json()
     _tell(found)
-    needed = [_OPTIONS.get(one["key"], one["key"]) for one in found["needs"] if one["is_needed"]]
+    needed = [_option(one) for one in found["needs"] if one["is_needed"]]
     if needed:
         raise CommandError(f"Nothing was kept: first answer with {', '.join(needed)}.")
     _confirm(is_sure=arguments.yes)
@@ -135,7 +135,12 @@ def _tell(found: Mapping[str, Any]) -> None:
         print(f"  refused: {one['place']}: {value}{one['reason']}")
     for one in found["needs"]:
         mark = "needed" if one["is_needed"] else "possible"
-        print(f"  {mark}: {one['text']} ({_OPTIONS.get(one['key'], one['key'])})")
+        print(f"  {mark}: {one['text']} ({_option(one)})")
+
+
+def _option(question: Mapping[str, str]) -> str:
+    """Return the option that answers a question."""
+    return _OPTIONS.get(question["key"], question["key"])
 
 
 def _confirm(*, is_sure: bool) -> None:

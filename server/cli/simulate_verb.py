@@ -154,7 +154,7 @@ def note_fault(folder: Path, at: datetime, news: "FaultNews") -> None:
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
-    from server.cli.demo_gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
+    from server.cli.demo.gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
     from server.cli.robot_verb.simulated import admit_own
     from simulator.fault_desk import FaultNews
     from simulator.process import run as run_simulator

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from server.cli import supervisor as supervisor_module
-from server.cli.supervisor import Child, Supervisor
+from server.cli.demo import supervisor as supervisor_module
+from server.cli.demo.supervisor import Child, Supervisor
 from tests.server.recording.test_import import dive_csv
 from tests.tcp_peer import serving
 

@@ -6,7 +6,7 @@ import pytest
 
 from onboard.memory import read_key
 from server.base.secret import SecretStore
-from server.cli.demo_gateway import MEMORY_FOLDER, decide_signing, give_keys
+from server.cli.demo.gateway import MEMORY_FOLDER, decide_signing, give_keys
 from server.cli.main import main
 from simulator.fleet import GRACE_1, MINI_1
 from simulator.robot_process import RobotSettings

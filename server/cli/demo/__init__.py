@@ -1,0 +1,1 @@
+"""Parts of the demo: its gateway, and the supervisor of its processes."""
