@@ -54,6 +54,7 @@ AREAS = {
     "satellite": "benchmarks.link.satellite",
     "garbage": "benchmarks.link.garbage",
     "live": "benchmarks.station.live",
+    "design_page": "benchmarks.station.design_page",
     "stored": "benchmarks.station.stored",
     "samples": "benchmarks.station.samples",
 }
