@@ -1,9 +1,9 @@
 """How long the page of a design is busy with one move of a pointer that drags a waypoint.
 
-A real demo, a real browser, a design of 500 waypoints. A change is what happens from a move of the
-pointer until the page has the way, the table and the account of it: the handlers, the effects and
-the layout, without the painting, which a machine without a graphics card does on its processor. The
-station is asked for its check meanwhile, as it is when a person drags.
+A real demo, a real browser, a design of 500 waypoints. What a move costs is the processor's time of
+the page's own thread from one picture to the next: handlers, effects, style, layout, painting. With
+it the page could show so many pictures a second. Beside it stands how long after a move the way,
+the table and the account of the page have it, by the clock, which other programs lengthen.
 """
 
 import math
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page, expect
+from playwright.sync_api import CDPSession, Page, expect
 
 from benchmarks.calibration import PYTHON, NotMeasuredError, calibrated, scaled_row
 from tests.browser.walk import CHROMIUM, browser_page, chromium, open_page
@@ -50,9 +50,8 @@ DRAG = """async ([moves, x, y]) => {
 def measure() -> list[dict[str, Any]]:
     """Drag one of many waypoints and time each move."""
     if CHROMIUM is None:
-        name = f"{NAME}, p95"
         none = {"value": None, "unit": "ms; no chromium", "bar": CHANGE_BAR_MS, "met": None}
-        return [{"area": "design_page", "name": name} | none]
+        return [{"area": "design_page", "name": NAME} | none]
     with (
         tempfile.TemporaryDirectory() as folder,
         Demo(Path(folder), "--robots", ROBOT) as demo,
@@ -60,15 +59,20 @@ def measure() -> list[dict[str, Any]]:
         browser_page(browser, demo) as page,
         calibrated(PYTHON) as begun,
     ):
-        taken_ms = _taken_ms(page, demo)
+        busy_ms, taken_ms = _dragged(page, demo)
+    row = {"area": "design_page", "unit": "ms", "bar": None, "met": None}
     return [
-        scaled_row("design_page", f"{NAME}, p{share}", float(np.percentile(taken_ms, share)), "ms",
-                   CHANGE_BAR_MS, begun, by="wall")
-        for share in (50, 95)
+        scaled_row("design_page", NAME, busy_ms, "ms", CHANGE_BAR_MS, begun, by="median"),
+        *(
+            row | {"name": f"{NAME}, seen after, p{share}",
+                   "value": float(np.percentile(taken_ms, share))}
+            for share in (50, 95)
+        ),
     ]  # fmt: skip
 
 
-def _taken_ms(page: Page, demo: Demo) -> list[float]:
+def _dragged(page: Page, demo: Demo) -> tuple[float, list[float]]:
+    """Return the processor's time of one move, and how long after each move it was seen, ms."""
     page.set_viewport_size({"width": 1440, "height": 900})
     open_page(page, demo, f"/design/{ROBOT}")
     made = page.evaluate(
@@ -92,11 +96,21 @@ def _taken_ms(page: Page, demo: Demo) -> list[float]:
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 20.0, y, steps=4)
+    inside = page.context.new_cdp_session(page)
+    inside.send("Performance.enable", {"timeDomain": "threadTicks"})
+    before_s = _busy_s(inside)
     found = page.evaluate(DRAG, [MOVES, x, y])
+    busy_ms = 1e3 * (_busy_s(inside) - before_s) / MOVES
     page.mouse.up()
     if found["told"] < MOVES // 4:
         raise NotMeasuredError(f"the account changed {found['told']} times in {MOVES} moves")
-    return found["taken"]
+    return busy_ms, found["taken"]
+
+
+def _busy_s(inside: CDPSession) -> float:
+    metrics = inside.send("Performance.getMetrics")["metrics"]
+    [busy_s] = [one["value"] for one in metrics if one["name"] == "TaskDuration"]
+    return busy_s
 
 
 def _spiral() -> list[dict[str, float]]:

@@ -6,6 +6,8 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.person import Person
+from tests.browser.test_look import SIZES
+from tests.browser.test_look_everywhere import AXE, GRAVE, LOOK, THEMES
 from tests.browser.walk import CHROMIUM, open_page
 
 pytestmark = [
@@ -61,6 +63,27 @@ def test_a_lawnmower_lies_over_the_lake_with_its_account(bench):
     expect(account.get_by_role("status")).to_have_text("checked")
     expect(account).to_contain_text("No limit is violated.")
     Person().shoot(bench, "design")
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="axe-core is not among the app's packages here")
+def test_nothing_is_cut_and_axe_finds_nothing_serious(bench):
+    found = {}
+    for width, height in SIZES:
+        bench.set_viewport_size({"width": width, "height": height})
+        for theme in THEMES:
+            bench.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
+            bench.evaluate(AXE.read_text())
+            faults = bench.evaluate(
+                "axe.run(document, { resultTypes: ['violations'] }).then(({ violations }) =>"
+                " violations.flatMap(({ id, impact, nodes }) =>"
+                " nodes.map(({ html }) => [impact, id, html.slice(0, 160)])))"
+            )
+            grave = [fault for fault in faults if fault[0] in GRAVE]
+            if grave or (cut := bench.evaluate(LOOK)):
+                found[width, theme] = grave or cut
+    bench.evaluate("document.documentElement.dataset.theme = 'dark'")
+    bench.set_viewport_size(WIDE)
+    assert found == {}
 
 
 def test_a_drag_is_kept_and_undone_and_redone_after_a_reload(bench):

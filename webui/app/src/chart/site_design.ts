@@ -103,6 +103,7 @@ export class SiteDesign {
     this.#outline.setLatLngs(isWay ? [] : ring);
     this.#way.setLatLngs(isWay ? ring : picture.way.map(([north, east]) => L.latLng(north, east)));
     this.#showMarks(picture);
+    this.#showCircle(picture);
     if (before?.faults !== picture.faults) this.#showFaults(picture);
     this.#map.getContainer().classList.toggle('map-drawing', picture.mode !== 'move');
     this.#lie();
@@ -114,13 +115,16 @@ export class SiteDesign {
     this.#gesture = new SpotGesture(this.#map.getContainer(), {
       grips: () => this.#gripList(),
       bands: () => this.#picture?.mode === 'choose',
-      onpick: (grip, isMore) => this.#pick(grip, isMore),
-      onbegin: (grip) => {
-        const { at } = this.#gripList().find((one) => one.grip === grip) ?? { at: { x: 0, y: 0 } };
+      onpick: (...picked) => this.#pick(...picked),
+      onbegin: (grip, at) => {
+        this.#handles.clearLayers();
         this.#handlers?.onbegin(grip, ...this.#where(at));
       },
       ondrag: (at) => this.#handlers?.ondrag(...this.#where(at)),
-      onend: (isKept) => this.#handlers?.onend(isKept),
+      onend: (isKept) => {
+        this.#handlers?.onend(isKept);
+        this.#lie();
+      },
       onband: (...band) => this.#drawBand(...band),
     });
   }
@@ -130,10 +134,9 @@ export class SiteDesign {
     return [lat, lng];
   }
 
-  #pick(grip: Grip, isMore: boolean): void {
+  #pick(grip: Grip, isMore: boolean, at: Pixel): void {
     if (grip.kind === 'spot') this.#handlers?.onpick(grip.index, isMore);
     if (grip.kind !== 'leg') return;
-    const { at } = this.#gripList().find((one) => one.grip === grip) ?? { at: { x: 0, y: 0 } };
     this.#handlers?.onbegin(grip, ...this.#where(at));
     this.#handlers?.onend(true);
   }
@@ -150,6 +153,13 @@ export class SiteDesign {
       bounds.contains(place(spot)) ? [i] : [],
     );
     this.#handlers?.onchoose(inside, isMore);
+  }
+
+  #showCircle({ spots: [centre], radiusM }: DesignPicture): void {
+    this.#circle.clearLayers();
+    if (radiusM === null || !centre) return;
+    const look = { radius: radiusM, className: 'map-design-outline' };
+    L.circle(place(centre), { ...look, ...this.#still }).addTo(this.#circle);
   }
 
   #showMarks({ spots, chosen, faults, shape }: DesignPicture): void {
@@ -191,7 +201,7 @@ export class SiteDesign {
   /** Handles and grips anew where the view or the design has changed; once a picture. */
   #lie(): void {
     this.#grips = null;
-    if (this.#frame) return;
+    if (this.#frame || this.#gesture?.isDragging) return;
     this.#frame = requestAnimationFrame(() => {
       this.#frame = 0;
       this.#showHandles();
@@ -200,14 +210,7 @@ export class SiteDesign {
 
   #showHandles(): void {
     this.#handles.clearLayers();
-    this.#circle.clearLayers();
-    const picture = this.#picture;
-    if (!picture) return;
-    const [centre] = picture.spots;
-    if (picture.radiusM !== null && centre) {
-      const circle = { radius: picture.radiusM, className: 'map-design-outline' };
-      L.circle(place(centre), { ...circle, ...this.#still }).addTo(this.#circle);
-    }
+    if (!this.#picture) return;
     for (const { grip, at } of this.#gripList()) {
       if (grip.kind === 'spot') continue;
       const size = grip.kind === 'leg' ? 9 : 12;

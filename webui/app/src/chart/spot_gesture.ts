@@ -44,8 +44,8 @@ export interface GestureHandlers {
   grips: () => readonly Gripped[];
   /** Whether a drag over free water chooses what lies in it, instead of moving the map. */
   bands: () => boolean;
-  onpick: (grip: Grip, isMore: boolean) => void;
-  onbegin: (grip: Grip) => void;
+  onpick: (grip: Grip, isMore: boolean, at: Pixel) => void;
+  onbegin: (grip: Grip, at: Pixel) => void;
   ondrag: (at: Pixel) => void;
   /** `isKept` is false where it was broken off. */
   onend: (isKept: boolean) => void;
@@ -80,8 +80,8 @@ export class SpotGesture {
     addEventListener('keydown', (event) => this.#key(event), early);
   }
 
-  get isBusy(): boolean {
-    return this.#action !== null;
+  get isDragging(): boolean {
+    return this.#action?.kind === 'drag';
   }
 
   stop(): void {
@@ -122,7 +122,7 @@ export class SpotGesture {
     if (this.#action.kind === 'press') {
       if (far < DRAG_PX) return;
       this.#action = { kind: 'drag', grip: this.#action.grip };
-      this.#handlers.onbegin(this.#action.grip);
+      this.#handlers.onbegin(this.#action.grip, this.#from);
     }
     this.#handlers.ondrag(at);
   }
@@ -133,7 +133,8 @@ export class SpotGesture {
     const action = this.#action;
     if (action.kind === 'band') {
       this.#handlers.onband(this.#from, this.#at(event), true, this.#isMore);
-    } else if (action.kind === 'press') this.#handlers.onpick(action.grip, this.#isMore);
+    } else if (action.kind === 'press')
+      this.#handlers.onpick(action.grip, this.#isMore, this.#from);
     this.#leave(true);
     this.#swallow();
   }

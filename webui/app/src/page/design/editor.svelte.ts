@@ -158,15 +158,15 @@ export class DesignEditor {
   }
 
   turn(rad: number): void {
-    const about = middleOf(this.#all, this.#subject);
-    const what = naming('Turned', this.rule.noun, this.#subject);
-    this.#setSpots(turned(this.#all, this.#subject, rad, about), what);
+    const about = middleOf(this.#all, this.#figure);
+    const what = naming('Turned', this.rule.noun, this.#figure);
+    this.#setSpots(turned(this.#all, this.#figure, rad, about), what);
   }
 
   scale(factor: number): void {
-    const about = middleOf(this.#all, this.#subject);
-    const what = naming('Scaled', this.rule.noun, this.#subject);
-    this.#setSpots(scaled(this.#all, this.#subject, factor, about), what);
+    const about = middleOf(this.#all, this.#figure);
+    const what = naming('Scaled', this.rule.noun, this.#figure);
+    this.#setSpots(scaled(this.#all, this.#figure, factor, about), what);
   }
 
   copy(north: number, east: number): void {
@@ -211,6 +211,11 @@ export class DesignEditor {
   reorderBy(step: 1 | -1): void {
     const what = naming('Reordered', this.rule.noun, this.chosen);
     this.#take(shifted(this.#all, this.chosen, step), what);
+  }
+
+  /** What is turned or scaled: one place alone has no direction and no size. */
+  get #figure(): ReadonlySet<number> {
+    return this.chosen.size > 1 ? this.chosen : chosenOf(this.#all.keys());
   }
 
   /** What is changed as a whole: the chosen ones, or all where none is chosen. */

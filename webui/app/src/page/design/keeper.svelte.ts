@@ -30,6 +30,8 @@ export interface Conflict {
 
 const RETRY_MS = 2000;
 const PAST_MAX = 50;
+/** Between two safety copies of one drag. */
+const PREVIEW_MS = 200;
 
 /**
  * Keeps a design at the station as it is changed: one change after the other, none lost.
@@ -57,6 +59,7 @@ export class Keeper {
   #future = $state.raw<readonly Design[]>([]);
   #isRunning = false;
   #isHeld = false;
+  #previewedMs = -Infinity;
   #wake: (() => void) | null = null;
   #isOver = false;
   readonly #store: DesignStore;
@@ -93,6 +96,9 @@ export class Keeper {
 
   /** A change that is not finished, such as a drag: on the screen and in the safety copy only. */
   preview(document: Design, what: string): void {
+    const nowMs = performance.now();
+    if (nowMs - this.#previewedMs < PREVIEW_MS) return;
+    this.#previewedMs = nowMs;
     this.#copies.keep(this.view, document, what);
   }
 
