@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from typing import cast
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_file import ParameterDescription
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
-from robot_link.station.drive_client import DriveAnswer
+from robot_link.station.drive_client import DriveAnswer, DriveClient
 from robot_link.station.error import ServiceRefusedError
 from robot_link.station.link import RobotEndpoint
 from robot_link.transport.datagram import DatagramTransport
@@ -286,8 +287,8 @@ class FakeLink:
     async def run(self) -> None:
         await asyncio.Event().wait()
 
-    def drive(self, robot: RobotId) -> FakeDrive:
-        return self.world.drives.setdefault(robot, FakeDrive(robot))
+    def drive(self, robot: RobotId) -> DriveClient:
+        return cast("DriveClient", self.world.drives.setdefault(robot, FakeDrive(robot)))
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
         return ()

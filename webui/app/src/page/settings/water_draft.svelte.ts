@@ -18,6 +18,7 @@ import {
   boxAround,
   boxOf,
   fieldOf,
+  placeOf,
   positionOf,
   sketchesOf,
   within,
@@ -87,8 +88,7 @@ export class WaterDraft {
     this.depthMax = plainNumber(site.water.depth_max_m);
     this.datum = site.depth_datum;
     this.tide = plainNumber(site.tide_offset_m);
-    this.altitude =
-      site.surface_altitude_m === null ? '' : plainNumber(site.surface_altitude_m);
+    this.altitude = site.surface_altitude_m === null ? '' : plainNumber(site.surface_altitude_m);
     this.frame = site;
     this.shapes = {
       outline: site.chart ? [] : (site.shoreline?.corners_m ?? []),
@@ -379,19 +379,7 @@ export class WaterDraft {
       domain: isSame || !isDrawn ? within(kept?.domain ?? water, water) : water,
       shoreline: isDrawn ? { name: 'Shore', corners_m: [...outline] } : (kept?.shoreline ?? null),
       keep_outs: keepOuts.map((area) => ({ ...area, name: area.name.trim() })),
-      places: places.map((place) => {
-        const at = positionOf(place) ?? { latitude: 0, longitude: 0 };
-        const [north, east] = northEast(origin, at.latitude, at.longitude);
-        return {
-          name: place.name.trim(),
-          kind: place.kind,
-          latitude_deg: at.latitude,
-          longitude_deg: at.longitude,
-          north_m: north,
-          east_m: east,
-          depth_m: parseNumber(place.depth) ?? 0,
-        };
-      }),
+      places: places.map((place) => placeOf(place, origin)),
     };
   }
 

@@ -1,5 +1,6 @@
 import type { ImportProposal, NorthEast, Site, WaterPlace } from '../../api/types';
 import type { MapShape } from '../../chart/site_shapes';
+import { parseNumber } from '../../form/check';
 import { northEast, type Origin } from '../../text/frame';
 import { latitude, longitude, parsePosition, type PositionFormat } from '../../text/position';
 
@@ -92,6 +93,21 @@ export function positionOf({ position, exact }: PlaceDraft): Position | null {
 }
 
 /** What the features of files would become, in a frame. */
+/** A place as the document of a water has it, in the frame of an origin. */
+export function placeOf(place: PlaceDraft, origin: Origin) {
+  const at = positionOf(place) ?? { latitude: 0, longitude: 0 };
+  const [north, east] = northEast(origin, at.latitude, at.longitude);
+  return {
+    name: place.name.trim(),
+    kind: place.kind,
+    latitude_deg: at.latitude,
+    longitude_deg: at.longitude,
+    north_m: north,
+    east_m: east,
+    depth_m: parseNumber(place.depth) ?? 0,
+  };
+}
+
 export function sketchesOf(files: readonly FileDraft[], frame: Origin): MapShape[] {
   const shapeOf = (one: ImportProposal['features'][number], kind: Role): MapShape[] => {
     if (kind === 'ignored') return [];
