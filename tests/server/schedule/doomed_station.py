@@ -32,7 +32,7 @@ async def main(folder: Path) -> None:
         await plan_in(client, plan, "draft")
         now = datetime.now(UTC)
         wish = {
-            "condition": {"kind": "time", "at": (now + timedelta(seconds=0.5)).isoformat()},
+            "condition": {"kind": "time", "at": (now + timedelta(seconds=5)).isoformat()},
             "expires_at": (now + timedelta(minutes=5)).isoformat(),
         }
         send = (await client.post(f"/api/plans/{plan}/schedule", json=wish)).json()["id"]

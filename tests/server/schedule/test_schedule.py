@@ -80,7 +80,7 @@ async def test_plan_is_sent_at_the_next_surfacing_and_not_before(client, world):
 
 
 async def test_plan_is_sent_at_its_time(client, world):
-    at = ahead(seconds=1.5)
+    at = ahead(seconds=5)
     _, send = await scheduled(client, {"kind": "time", "at": at})
     await until(lambda: world.uploads)
     assert datetime.now(UTC) >= datetime.fromisoformat(at)
@@ -129,7 +129,7 @@ async def test_sequence_ends_with_a_plan_that_was_given_up(client, world):
 
 
 async def test_expired_is_dropped_with_an_event_and_an_alarm_and_never_sent(client, station, world):
-    plan, send = await scheduled(client, expires_at=ahead(seconds=1))
+    plan, send = await scheduled(client, expires_at=ahead(seconds=5))
     dropped = await send_in(client, send["id"], "expired")
     assert "its time was over" in dropped["text"]
     dive(world)
@@ -146,7 +146,7 @@ async def test_expired_is_dropped_with_an_event_and_an_alarm_and_never_sent(clie
 async def test_transfer_that_has_not_arrived_when_its_time_is_over_is_withdrawn(client, world):
     world.hear(MINI, LinkState.STALE)
     plan, send = await scheduled(
-        client, {"kind": "time", "at": ahead(seconds=0.7)}, expires_at=ahead(seconds=3)
+        client, {"kind": "time", "at": ahead(seconds=5)}, expires_at=ahead(seconds=9)
     )
     await send_in(client, send["id"], "sent")
     assert world.uploads == [], "the robot is out of reach"
@@ -188,10 +188,10 @@ async def test_order_to_surface_purges_what_waits_for_its_robot_alone(client, wo
 
 async def test_more_than_the_limit_of_an_hour_is_held_with_the_reason(client, world):
     await limit(client, 1)
-    _, first = await scheduled(client, {"kind": "time", "at": ahead(seconds=0.6)})
+    _, first = await scheduled(client, {"kind": "time", "at": ahead(seconds=5)})
     await send_in(client, first["id"], "done")
     await until(lambda: world.robots[MINI].state is OnboardPlanState.DONE)
-    _, second = await scheduled(client, {"kind": "time", "at": ahead(seconds=0.6)}, confirmed=True)
+    _, second = await scheduled(client, {"kind": "time", "at": ahead(seconds=5)}, confirmed=True)
 
     async def held():
         found = {one["id"]: one for one in await sends_of(client)}[second["id"]]
@@ -257,11 +257,11 @@ async def test_what_waits_survives_a_restart_and_what_came_meanwhile_counts(tmp_
         world.tell(current_report(MINI))
         dive(world)
         surface(world)
-        plan, send = await scheduled(client, {"kind": "time", "at": ahead(seconds=2)})
-        old, gone = await scheduled(client, expires_at=ahead(seconds=1))
+        plan, send = await scheduled(client, {"kind": "time", "at": ahead(seconds=8)})
+        old, gone = await scheduled(client, expires_at=ahead(seconds=6))
         assert old != plan
     assert world.uploads == []
-    await asyncio.sleep(2.0)
+    await asyncio.sleep(8.0)
     async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
         await send_in(client, gone["id"], "expired")
         world.hear(MINI)

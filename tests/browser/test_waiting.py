@@ -1,0 +1,105 @@
+"""A plan is sent while another is flown: seen waiting by both hashes, flown at the surfacing."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.browser.walk import CHROMIUM, SHOTS, browser_page, open_page
+from tests.e2e.demo import Demo, Json
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.walk,
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
+]
+
+ROBOT = "mini-1"
+WIDTHS = (1440, 900, 400)
+UNDER_WATER = ("diving", "gliding")
+
+
+@pytest.fixture(scope="module")
+def tank(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Demo]:
+    with Demo(tmp_path_factory.mktemp("waiting"), "--robots", ROBOT, "--speed", "3") as demo:
+        yield demo
+
+
+@pytest.fixture(scope="module")
+def window(browser: Browser, tank: Demo) -> Iterator[Page]:
+    with browser_page(browser, tank) as page:
+        for one in page.context.cookies():
+            tank.client.cookies.set(one.get("name", ""), one.get("value", ""))
+        tank.client.headers["X-CSRF-Token"] = tank.get("/api/session")["csrf_token"]
+        yield page
+
+
+def state(tank: Demo) -> Json:
+    return tank.get(f"/api/robots/{ROBOT}/state")
+
+
+def plan_of(tank: Demo, plan: str) -> Json:
+    return tank.get(f"/api/plans/{plan}")
+
+
+def draft(tank: Demo, depths: tuple[float, ...]) -> str:
+    legs = [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in depths]
+    wish = {"kind": "primitives", "legs": legs, "config": {"max_uncertainty_m": 5.0}}
+    made = tank.post(f"/api/robots/{ROBOT}/plans", wish)["id"]
+    tank.wait("a draft", lambda: plan_of(tank, made)["state"] == "draft", 120.0)
+    return made
+
+
+def shoot(page: Page, name: str) -> None:
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 950})
+        page.wait_for_timeout(800)
+        page.screenshot(path=SHOTS / f"{name}-{width}.png")
+    page.set_viewport_size({"width": 1440, "height": 950})
+
+
+def test_plan_waits_on_board_and_begins_at_the_surfacing(tank: Demo, window: Page):
+    tank.wait("a place", lambda: state(tank)["position"] is not None, 60.0)
+    first = draft(tank, (0.6, 0.0, 0.6, 0.0, 0.6, 0.0))
+    second = draft(tank, (0.5, 0.0))
+    tank.post(f"/api/plans/{first}/upload", {"start": True, "confirmed": True})
+    tank.wait("a dive", lambda: state(tank)["mode"] in UNDER_WATER, 180.0)
+    tank.post(f"/api/plans/{second}/upload", {"start": True, "confirmed": True})
+    tank.wait("it to wait", lambda: (state(tank)["waiting_plan"] or {}).get("starts"), 120.0)
+    open_page(window, tank, f"/robot/{ROBOT}")
+    panel = window.get_by_role("region", name=re.compile("^Plan that waits on board"))
+    expect(panel).to_contain_text("waits on board for the next surfacing")
+    for plan in (first, second):
+        expect(panel).to_contain_text(plan_of(tank, plan)["sha256"][:8])
+    shoot(window, "waiting-on-board")
+    tank.wait("it to begin", lambda: plan_of(tank, second)["state"] in ("running", "done"), 300.0)
+    tank.wait("the end", lambda: plan_of(tank, first)["state"] == "superseded", 60.0)
+    expect(panel).to_be_hidden()
+    events = tank.get(f"/api/events?robot={ROBOT}&limit=200")["events"]
+    kinds = [one["kind"] for one in events]
+    assert "robot.surfaced" in kinds
+    assert kinds.index("plan.waiting") < kinds.index("plan.superseded")
+
+
+def test_plan_is_scheduled_from_the_sheet_and_cancelled(tank: Demo, window: Page):
+    tank.wait("rest", lambda: state(tank)["mode"] == "idle", 300.0)
+    third = draft(tank, (0.4, 0.0))
+    open_page(window, tank, f"/plan/{ROBOT}")
+    bar = window.get_by_role("region", name="State of the plan")
+    bar.get_by_role("button", name=re.compile("^Send ")).first.click()
+    window.get_by_text("At the next surfacing", exact=True).click()
+    shoot(window, "send-later")
+    hold = window.get_by_role("button", name=re.compile("sent to .* later"))
+    hold.scroll_into_view_if_needed()
+    hold.hover()
+    window.mouse.down()
+    window.wait_for_timeout(1600)
+    window.mouse.up()
+    later = window.get_by_role("region", name=re.compile("^Plans that are sent later"))
+    expect(later).to_contain_text("waits at the station for the next surfacing")
+    shoot(window, "scheduled")
+    later.get_by_role("button", name="Cancel").first.click()
+    expect(later).to_contain_text("cancelled")
+    assert plan_of(tank, third)["state"] == "draft"
