@@ -246,6 +246,10 @@ class StationKeep(Configuration):
     """How long, from the arrival."""
 
 
+RELATIVE_ROWS = "rows"
+"""Field of a reference whose places count from its own origin, not from the water's."""
+
+
 class ReferenceRow(Spot):
     """A moment of a reference trajectory."""
 

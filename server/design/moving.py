@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from autonomy.design.document import (
+    RELATIVE_ROWS,
     WAYPOINTS_MAX,
     Design,
     Manner,
@@ -34,7 +35,10 @@ def _moved(value: Any, north_m: float, east_m: float) -> Any:  # noqa: ANN401 - 
         return [_moved(one, north_m, east_m) for one in value]
     if not isinstance(value, dict):
         return value
-    inner = {key: _moved(one, north_m, east_m) for key, one in value.items()}
+    inner = {
+        key: one if key == RELATIVE_ROWS else _moved(one, north_m, east_m)
+        for key, one in value.items()
+    }
     if {"north_m", "east_m"} <= inner.keys():
         inner["north_m"] += north_m
         inner["east_m"] += east_m

@@ -153,11 +153,11 @@ class ItemJudge:
     def _depth(self, item: FileItem, z: float, place: NorthEast) -> float | None:
         value = f"{z:g} m"
         if self._choices.turns_sign and item.frame in RELATIVE | ABSOLUTE:
-            return taken_depth(self._findings, item.place, value, z, self._choices)
+            return taken_depth(self._findings, item.place, value, z)
         depth = item_depth_m(item.frame, z, place, self._placement.water)
         if item.frame in ABSOLUTE and self._placement.water.surface_altitude_m:
             self._ask_altitude()
-        return taken_depth(self._findings, item.place, value, depth, self._choices)
+        return taken_depth(self._findings, item.place, value, depth)
 
     def _ask_altitude(self) -> None:
         self._findings.ask(

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from autonomy.design.document import Design
+from autonomy.design.document import RELATIVE_ROWS, Design
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
 from server.plan_file.field import Document, pair_of
@@ -20,8 +20,6 @@ from server.plan_file.proposal import LatitudeLongitude, NorthEast
 
 KEY = "grace"
 VERSION = 1
-_RELATIVE_ROWS = "rows"
-"""Of a reference trajectory: they count from its own origin."""
 _PLACE_DECIMALS = 7
 _DEPTH_DECIMALS = 3
 
@@ -102,7 +100,7 @@ def _brought(
     if not isinstance(value, Mapping):
         return value
     brought = {
-        key: each if key == _RELATIVE_ROWS else _brought(each, origin, place)
+        key: each if key == RELATIVE_ROWS else _brought(each, origin, place)
         for key, each in value.items()
     }
     at = pair_of([brought.get("north_m"), brought.get("east_m")])

@@ -119,6 +119,8 @@ class Findings:
     needs: dict[str, Question] = field(default_factory=dict)
     areas: list[ReadArea] = field(default_factory=list)
     marks: list[ReadMark] = field(default_factory=list)
+    says_depths: bool = False
+    """Whether the file says depths, positive down, and not altitudes."""
 
     def refuse(self, place: str, value: str, reason: str) -> None:
         """Note a part that is not taken."""

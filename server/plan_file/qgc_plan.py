@@ -174,7 +174,7 @@ class QgcPlanFile:
             if choices.turns_sign:
                 choices = choices.model_copy(update={"default_depth_m": first.height_m})
             else:
-                offer_sign(self._findings, choices)
+                offer_sign(self._findings)
                 self._findings.notes.append(
                     f"{first.place}: {first.height_m:g} m above the water are no depth;"
                     " the design's own is taken."

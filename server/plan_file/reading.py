@@ -21,6 +21,7 @@ from server.plan_file.stop import (
     design_of,
     lawnmower_of,
     offer_move,
+    offer_sign,
     way_length_m,
 )
 from server.plan_file.wpl import add_home, read_wpl
@@ -188,7 +189,7 @@ def _look_around(
         some = f"one of the {count} areas" if count > 1 else "the area"
         findings.ask("area", f"Cover {some} by a lawnmower")
     if choices.turns_sign:
-        findings.ask("turns_sign", "The sign of all depths is turned")
+        offer_sign(findings)
     if findings.refused:
         count = len(findings.refused)
         parts = "1 part is refused" if count == 1 else f"{count} parts are refused"

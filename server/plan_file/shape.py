@@ -116,10 +116,9 @@ class ShapeJudge:
     ) -> float | None:
         sign = -1.0 if self._choices.turns_sign else 1.0
         if said is not None:
+            self._findings.says_depths = True
             depth = number_of(said) if not isinstance(said, str) else _number(said)
-            return taken_depth(
-                self._findings, place, f"depth_m {said!s:.20}", sign * depth, self._choices
-            )
+            return taken_depth(self._findings, place, f"depth_m {said!s:.20}", sign * depth)
         value = f"{height:g} m"
         if mode in _ABOVE_FLOOR:
             if self._placement.water.floor_m is None:
@@ -127,8 +126,8 @@ class ShapeJudge:
                 self._findings.refuse(place, value, reason)
                 return None
             floor = self._placement.water.floor_m(*self._placement.unshifted(at))
-            return taken_depth(self._findings, place, value, floor - (height or 0.0), self._choices)
-        return taken_depth(self._findings, place, value, -sign * (height or 0.0), self._choices)
+            return taken_depth(self._findings, place, value, floor - (height or 0.0))
+        return taken_depth(self._findings, place, value, -sign * (height or 0.0))
 
 
 def _number(text: str) -> float:

@@ -78,9 +78,7 @@ def offer_move(findings: Findings) -> None:
     )
 
 
-def taken_depth(
-    findings: Findings, place: str, value: str, depth_m: float, choices: ReadChoices
-) -> float | None:
+def taken_depth(findings: Findings, place: str, value: str, depth_m: float) -> float | None:
     """Return a depth that a design can hold, or None after noting why not.
 
     Args:
@@ -88,7 +86,6 @@ def taken_depth(
         place: Item, line or feature.
         value: What stands there.
         depth_m: The depth that it means, the choice of sign counted.
-        choices: What the operator said of the sign.
     """
     if not math.isfinite(depth_m):
         findings.refuse(place, value, "is no depth")
@@ -100,19 +97,19 @@ def taken_depth(
         taken = below_surface(depth_m)
     except ItemRefusal as refusal:
         findings.refuse(place, value, str(refusal))
-        offer_sign(findings, choices)
+        offer_sign(findings)
         return None
     if depth_m < -SURFACE_M:
         findings.notes.append(f"{place}: {-depth_m:g} m above the water is taken as its surface.")
     return taken
 
 
-def offer_sign(findings: Findings, choices: ReadChoices) -> None:
+def offer_sign(findings: Findings) -> None:
     """Offer to take the whole file's depths by the other sign, or to take that back."""
-    text = "The file means depths as positive numbers: turn the sign of all of them"
-    if choices.turns_sign:
-        text = "The sign of all depths is turned; some are above the water so, too"
-    findings.ask("turns_sign", text)
+    numbers = "negative" if findings.says_depths else "positive"
+    findings.ask(
+        "turns_sign", f"The file means depths as {numbers} numbers: turn the sign of all of them"
+    )
 
 
 def asked_depth(findings: Findings, places: Sequence[str], choices: ReadChoices) -> float | None:

@@ -212,8 +212,9 @@ def _stop(row: Row, placement: Placement, choices: ReadChoices, findings: Findin
     if column is not None:
         sign = -1.0 if choices.turns_sign is not (column == "altitude_m") else 1.0
         value = f"{column} {cells[column]}"
+        findings.says_depths = column != "altitude_m"
         depth = _number(cells, column) * sign
-        stop.depth_m = taken_depth(findings, row.place, value, depth, choices)
+        stop.depth_m = taken_depth(findings, row.place, value, depth)
         if stop.depth_m is None:
             return None
         if motion == "glide" and stop.depth_m <= SURFACE_M:
