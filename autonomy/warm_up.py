@@ -49,9 +49,10 @@ LATER = (
     "autonomy.tracking.predictive.kernel",
     "autonomy.tracking.predictive.search",
     search_step("weighted"),
+    "simulator.ahead.ensemble",
 )
 """Steps for all else: first what a robot needs that follows a target, then the station's work, the
-most wanted first."""
+most wanted first. The last flies missions ahead, by the kernels of the flight and its own."""
 
 STEPS = (*FLIGHT, *LATER)
 """A step is a module with ``warm_up()``, which calls each of its kernels; what stands behind a

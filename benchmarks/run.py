@@ -44,6 +44,7 @@ AREAS = {
     "water": "benchmarks.planning.water",
     "base_map": "benchmarks.station.base_map",
     "expected_track": "benchmarks.flight.expected_track",
+    "flight_ahead": "benchmarks.flight.flight_ahead",
     "tracking": "benchmarks.planning.tracking",
     "tracking_speed": "benchmarks.planning.tracking_speed",
     "tracking_predictive": "benchmarks.planning.tracking_predictive",

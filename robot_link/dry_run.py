@@ -3,6 +3,7 @@
 The dry run itself needs the simulated robot, so a worker process runs it by its name.
 """
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -14,9 +15,34 @@ from autonomy.site import Area, Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.mission import Mission
 
-DRY_RUN: Final = "simulator.dry_run:run"
+DRY_RUN: Final = "simulator.ahead.ensemble:run"
 """Name of the task: takes a ``DryRunProblem``, reports the share that is done, leaves a
 ``DryRun``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How far the robots and the water of many flights differ, one from the other.
+
+    Shares are standard deviations of normal numbers, as parts of what is told; the delivered ones
+    are those that the robot's filter assumes, or what nobody can know of a battery.
+    """
+
+    model_share: float | None = None
+    """Of drag, side force, lift, and the moments about the pitch and the yaw axis, each for itself;
+    ``None`` is what the filter assumes of the vehicle's model."""
+    drift_share: float = 0.2
+    """Of how fast the water carries the robot away unseen."""
+    flow_share: float = 0.2
+    """Of the strength of the current that is told by place and time."""
+    ballast_share: float = 1.0
+    """Of the errors of the feedback of pump and sliding mass, in those of the sensors' model."""
+    noise_share: float = 0.2
+    """Of the sensors' noise."""
+    capacity_share: float = 0.05
+    """Of the battery's capacity."""
+    power_share: float = 0.1
+    """Of what electronics and actuators draw."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +73,14 @@ class DryRunProblem:
     seed: int = 0
     keep_outs: tuple[Area, ...] = ()
     """Parts of the surface that no plan enters; whoever is carried into one must be told of."""
+    spread: Spread = Spread()
+    """How far the flights differ beside."""
+    battery: float = 1.0
+    """Charge at the start, part of a full battery."""
+    capacity_wh: float | None = None
+    """Of the full battery; ``None`` is that of the vehicle."""
+    processor_s: float = math.inf
+    """No further flight begins once so much processor time is used, but for the least number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,11 +102,76 @@ class DryRunTrack:
 
 
 @dataclass(frozen=True, slots=True)
+class Chance:
+    """How often something happened in the flights."""
+
+    name: str
+    share: float
+    """Part of the flights, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacingBand:
+    """When and where the flights came up after a leg."""
+
+    leg: int
+    """Counted from 0."""
+    share: float
+    """Part of the flights that did."""
+    time_s: tuple[float, float, float]
+    """Low, median and high of the band, s since the start."""
+    north_m: float
+    """Of the mean place."""
+    east_m: float
+    ellipse_m: tuple[float, float]
+    """Half axes of the ellipse that holds the band's part of them, the longer first."""
+    ellipse_rad: float
+    """Direction of the longer axis, from north towards east."""
+    battery: tuple[float, float, float]
+    """Charge then: low, median and high, parts of a full battery."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlightBand:
+    """Where the flights were, and what became of them; held by ``level`` of them."""
+
+    level: float
+    """Part of the flights that a band holds, 0..1."""
+    along: FloatArray
+    """Along the legs, a row for each of a few shares of each leg, shape ``(n, 15)``: leg, time of
+    the plan s, median time since the start s; low and high of north, of east and of depth m; north
+    and east of the mean m; half axes of the ellipse m, the longer first, and its direction rad;
+    part of the flights that came so far."""
+    over_time: FloatArray
+    """A row a moment, shape ``(m, 14)``: time since the start s; low, median and high of north, of
+    east, of depth m, and of the charge 0..1; part of the flights under way. A flight that has ended
+    stays where it came up."""
+    surfacings: tuple[SurfacingBand, ...]
+    battery_end: tuple[float, float, float]
+    """Charge at the end: low, median and high."""
+    duration_s: tuple[float, float, float]
+    worst_std_m: tuple[float, float, float]
+    """Largest deviation of the position that the robot states on the way."""
+    leaves_water: float
+    """Probability that it is outside of the water's outline at some time."""
+    leaves_domain: float
+    """Probability that it is outside of the water's box to explore."""
+    touches: tuple[Chance, ...]
+    """Probability of being in each keep-out at some time."""
+    not_back: float
+    """Probability of not coming back as planned: mission failed, or the water left."""
+    outcomes: tuple[Chance, ...]
+    """How the flights ended, shares that add up to 1."""
+    dives_cut: float
+    """Probability that a limit ends a dive early."""
+
+
+@dataclass(frozen=True, slots=True)
 class DryRun:
     """How a mission goes when it is flown against the full dynamics."""
 
     completed: bool
-    """Whether every run flew the whole mission."""
+    """Whether the runs flew the whole mission: all of a few, four in five of many."""
     message: str
     """How it went, for a person."""
     rms_error_m: float
@@ -94,26 +193,36 @@ class DryRun:
     """Mean of the runs, energy units."""
     runs: int
     entered: tuple[str, ...]
-    """Names of the keep-outs that the robot was in, in any run, at whatever depth."""
+    """Names of the keep-outs that the robot was in, at whatever depth: in any of a few runs, in
+    more than one in five of many."""
     track: DryRunTrack
     """First run."""
     expected: FloatArray | None = None
     """Expected track, shape ``(n, 5)``: time of the plan s, without what prepares legs at the
     surface; north, east, down m, the mean of where the flights were at the same share of the same
     leg; and the position's std that they stated there, m. It has as many rows for each leg, so a
-    leg's last and the next one's first have the same time. ``None`` unless all of at least two
-    flights came to the end: then the plan's own points are what can be expected."""
+    leg's last and the next one's first have the same time. ``None`` for a single flight and where
+    not ``completed``: then the plan's own points are what can be expected."""
     expected_times_s: tuple[tuple[float, float], ...] = ()
     """When each leg of the expected track begins and ends, s since the start, surfacings
     included."""
     spread_m: float | None = None
     """Horizontal distance of one more flight from the expected track, root mean square, as the
     scatter of the flights tells it."""
+    band: FlightBand | None = None
+    """Of many flights."""
+    not_rehearsed: str = ""
+    """What was left out, for a person."""
 
     def document(self) -> dict[str, Any]:
         """Return it as a JSON object; the track is rows of time, true north, east, down, std."""
         values = asdict(self)
         del values["track"]
+        if self.band is not None:
+            values["band"] |= {
+                "along": self.band.along.round(3).tolist(),
+                "over_time": self.band.over_time.round(3).tolist(),
+            }
         track = self.track
         rows = np.column_stack([track.time_s, track.true_ned, track.stated_std_m])
         expected = [] if self.expected is None else self.expected.round(3).tolist()

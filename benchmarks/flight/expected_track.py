@@ -27,6 +27,7 @@ from robot_link.mission import Mission, MissionSettings
 from server.plan.dry_run import RUNS
 from server.plan.expected import off_track_m
 from simulator import dry_run
+from simulator.ahead import comparison, ensemble
 
 PLANS = 6
 FRESH = 2
@@ -104,7 +105,7 @@ def plan(rng: np.random.Generator) -> Candidate:
 def flown(best: Candidate, water: Water, rng: np.random.Generator) -> list[Flown]:
     """Fly a plan ahead, then for good some times."""
     told = problem_of(best, water)
-    expected = dry_run.run(
+    expected = ensemble.run(
         replace(told, runs=RUNS, seed=int(rng.integers(2**31))), lambda _: None, lambda: False
     )
     course = rng.uniform(0.0, 2.0 * math.pi)
@@ -132,8 +133,8 @@ def problem_of(best: Candidate, water: Water) -> DryRunProblem:
 
 def compared(expected: DryRun, fresh: DryRunProblem) -> Flown:
     """Fly once and return how far that was from the expected track and from the legs."""
-    rows = np.array(dry_run.fly(fresh, 0, lambda: False).rows)
-    places, (leg, share) = rows[:, 2:4], dry_run.leg_shares(rows)
+    rows = dry_run.fly(fresh, 0, lambda: False).rows
+    places, (leg, share) = rows[:, 2:4], comparison.leg_shares(rows)
     legs = fresh.mission.legs
     if expected.expected is None or expected.spread_m is None:
         raise ValueError(expected.message)

@@ -25,8 +25,10 @@ from server.plan.target_check import TEACHING
 from server.plan.view import (
     AccountView,
     BatteryView,
+    ChanceView,
     ComesUpView,
     DryRunView,
+    FlightBandView,
     InheritedView,
     LadderView,
     LegView,
@@ -38,6 +40,7 @@ from server.plan.view import (
     PlanView,
     ProgressView,
     RunnerUpView,
+    SurfacingBandView,
     ViolationView,
 )
 from server.satellite.cost import mission_credits
@@ -423,7 +426,19 @@ def dry_run_view(found: Mapping[str, Any]) -> DryRunView:
     fields = dict(found)
     fields["nearest"] = [NearestView(**one) for one in found.get("nearest", ())]
     fields["broken"] = [ViolationView(**one) for one in found.get("broken", ())]
+    fields["band"] = _band_view(found.get("band"))
     return DryRunView(**fields)
+
+
+def _band_view(band: Mapping[str, Any] | None) -> FlightBandView | None:
+    if band is None:
+        return None
+    parts: dict[str, Any] = {
+        "touches": [ChanceView(**one) for one in band["touches"]],
+        "outcomes": [ChanceView(**one) for one in band["outcomes"]],
+        "surfacings": [SurfacingBandView(**one) for one in band["surfacings"]],
+    }
+    return FlightBandView(**{**band, **parts})
 
 
 def _broken(document: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -4,13 +4,18 @@ A dry run informs; it never keeps a plan from becoming a draft. One that fails o
 leaves a sentence instead of figures.
 """
 
+import asyncio
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 
+from autonomy.arrays import FloatArray
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg.waterway import closed_areas
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
+from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from autonomy.vehicle.trim import TrimConfig
 from db.query.mission.plans import PlanRecord
@@ -26,14 +31,15 @@ from server.plan.view import DryRunView
 
 log = logging.getLogger(__name__)
 
-LIMIT_S = 90.0
-"""Most processor time of a dry run that a plan waits for: usually some seconds. A machine that is
-busy with something else only takes longer over it."""
-RUNS = 4
-"""Most flights of one dry run, each in other eddies."""
-FLOWN_S = 2000.0
-"""Planned time that all flights of a dry run may have together; a longer plan is flown once.
-A worker flies 300 to 500 s of it in a second."""
+LIMIT_S = 300.0
+"""Most processor time of a dry run that a plan waits for, at which something is wrong: usually it
+takes some seconds. A machine that is busy with something else only takes longer over it."""
+RUNS = 200
+"""Flights of one dry run, each of another robot in other water."""
+WAITED_S = 30.0
+"""Processor time after which no further flight begins while a plan waits. A core flies some
+25 000 s in a second, so plans of more than an hour have fewer flights."""
+_LEAST_CHARGE = 1.2 * RESERVE
 WORKING = DryRunView("working", message="The plan is flown against the robot's dynamics.")
 
 
@@ -62,22 +68,65 @@ class DryRuns:
             config: What it was planned with: the drift and the current that are expected.
             is_limited: Whether it is given up after ``LIMIT_S``, since a plan waits for it.
         """
-        problem = self._problem(plan, config)
+        points = points_of(plan.document)
+        problem = self._problem(plan.robot, mission_of(plan), points, config)
+        return await self._fly(plan.robot, problem, config, None, is_limited=is_limited)
+
+    async def fly_mission(
+        self,
+        robot: str,
+        mission: Mission,
+        config: PlannerConfig,
+        *,
+        on_progress: Callable[[float], None] | None = None,
+        is_limited: bool = False,
+    ) -> DryRunView:
+        """Fly any mission with legs ahead, and return how that went; it need be no plan.
+
+        Cancelling the awaiting task ends the flights.
+
+        Args:
+            robot: Who would fly it; from where its first leg begins, with the charge that the
+                robot told last.
+            mission: Its legs as they would travel.
+            config: The current and the drift that are expected, keep-outs and limits.
+            on_progress: Told the share that is flown, 0..1.
+            is_limited: Whether fewer flights must do for a long mission (``WAITED_S``).
+
+        Raises:
+            Problem: 404 if there is no such robot.
+        """
+        candidate = await asyncio.to_thread(candidate_of, config, mission.legs)
+        problem = self._problem(robot, mission, candidate.points, config)
+        return await self._fly(robot, problem, config, on_progress, is_limited=is_limited)
+
+    async def _fly(
+        self,
+        robot: str,
+        problem: DryRunProblem | None,
+        config: PlannerConfig,
+        on_progress: Callable[[float], None] | None,
+        *,
+        is_limited: bool,
+    ) -> DryRunView:
         if problem is None:
             return DryRunView("skipped", message="Not rehearsed: the vehicle is not known.")
+        if is_limited:
+            problem = replace(problem, processor_s=WAITED_S)
+        limit_s = LIMIT_S if is_limited else None
         try:
             found: DryRun = await self._workers.run(
-                DRY_RUN, problem, processor_limit_s=LIMIT_S if is_limited else None
+                DRY_RUN, problem, on_progress=on_progress, processor_limit_s=limit_s
             )
         except WorkerSpentError:
             text = f"Not rehearsed: that would have taken longer than {LIMIT_S:g} s of work."
             return DryRunView("skipped", message=text)
         except WORKER_FAILURES as error:
-            log.warning("%s was not rehearsed: %s", plan.id, error)
+            log.warning("a mission of %s was not rehearsed: %s", robot, error)
             return DryRunView("failed", message=f"Not rehearsed: {error}")
         document = found.document()
         if found.expected is not None:
-            site = self._fleet.status(plan.robot).record.site
+            site = self._fleet.status(robot).record.site
             document |= judged(found.expected, found.duration_s, config, site)
         return dry_run_view({"state": "done", **document})
 
@@ -99,29 +148,34 @@ class DryRuns:
             start_ne_m=(1.0, 0.5),
             heading_rad=0.0,
             drift_m_sqrt_s=0.0,
-            runs=1,
+            runs=2,
         )
         await self._workers.run(DRY_RUN, problem)
 
-    def _problem(self, plan: PlanRecord, config: PlannerConfig) -> DryRunProblem | None:
-        status, vehicle = self._fleet.status(plan.robot), self._fleet.vehicle(plan.robot)
+    def _problem(
+        self, robot: str, mission: Mission, points: FloatArray, config: PlannerConfig
+    ) -> DryRunProblem | None:
+        status, vehicle = self._fleet.status(robot), self._fleet.vehicle(robot)
         if vehicle is None:
             return None
-        mission = mission_of(plan)
+        state = status.state
+        told = None if state is None else state.battery_fraction
         return DryRunProblem(
             mission=mission,
-            planned_points=points_of(plan.document),
+            planned_points=points,
             vehicle=_with_known_key(vehicle),
             site=status.record.site,
             start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
-            heading_rad=0.0 if status.state is None else status.state.heading_rad,
+            heading_rad=0.0 if state is None else state.heading_rad,
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
             current_ne_m_s=config.current.steady_ne_m_s,
             flow=config.current.flow,
             unknown_current_std_m_s=config.position_filter.steady_current_m_s,
-            runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),
+            runs=RUNS,
             seed=config.seed,
-            keep_outs=config.keep_outs,
+            keep_outs=closed_areas(config, status.record.site),
+            # a battery that tells nonsense, or that lets no mission begin, is no start to judge by
+            battery=min(max(1.0 if told is None else told, _LEAST_CHARGE), 1.0),
         )
 
 

@@ -167,13 +167,78 @@ class NearestView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class ChanceView(View):
+    """How often something happened in the flights of a dry run."""
+
+    name: str
+    """What, or the name of a keep-out."""
+    share: float
+    """Part of the flights, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacingBandView(View):
+    """When and where the flights of a dry run came up after a leg."""
+
+    leg: int
+    """Counted from 0."""
+    share: float
+    """Part of the flights that did."""
+    time_s: Annotated[list[float], numbers(3)]
+    """Low, median and high of the band, s since the start."""
+    north_m: float
+    """Of the mean place."""
+    east_m: float
+    ellipse_m: Annotated[list[float], numbers(2)]
+    """Half axes of the ellipse that holds the band's part of them, the longer first."""
+    ellipse_rad: float
+    """Direction of the longer axis, from north towards east."""
+    battery: Annotated[list[float], numbers(3)]
+    """Charge then: low, median and high, parts of a full battery."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightBandView(View):
+    """Where the flights of a dry run were, and what became of them."""
+
+    level: float
+    """Part of the flights that a band holds, 0..1."""
+    along: list[Annotated[list[float], numbers(15)]]
+    """Along the legs: leg, time of the plan s, median time since the start s; low and high of
+    north, of east and of depth m; north and east of the mean m; half axes of the ellipse m, the
+    longer first, and its direction rad; part of the flights that came so far."""
+    over_time: list[Annotated[list[float], numbers(14)]]
+    """Along time: time since the start s; low, median and high of north, of east, of depth m, and
+    of the charge 0..1; part of the flights under way."""
+    surfacings: list[SurfacingBandView]
+    battery_end: Annotated[list[float], numbers(3)]
+    """Charge at the end: low, median and high, parts of a full battery."""
+    duration_s: Annotated[list[float], numbers(3)]
+    """Low, median and high."""
+    worst_std_m: Annotated[list[float], numbers(3)]
+    """Largest deviation of the position that the robot states on the way: low, median, high."""
+    leaves_water: float
+    """Probability that it is outside of the water's outline at some time."""
+    leaves_domain: float
+    """Probability that it is outside of the water's box to explore."""
+    touches: list[ChanceView]
+    """Probability of being in each keep-out at some time."""
+    not_back: float
+    """Probability of not coming back as planned: mission failed, or the water left."""
+    outcomes: list[ChanceView]
+    """How the flights ended; the shares add up to 1."""
+    dives_cut: float
+    """Probability that a limit ends a dive early."""
+
+
+@dataclass(frozen=True, slots=True)
 class DryRunView(View):
     """A plan flown ahead against the robot's full dynamics."""
 
     state: Annotated[str, one_of("working", "done", "failed", "skipped")]
     """``working``, ``done``, ``failed`` or ``skipped``."""
     completed: bool | None = None
-    """Whether the robot flew the plan to its end."""
+    """Whether at least four in five flights flew the plan to its end."""
     rms_error_m: float | None = None
     """Root mean square distance of where it was from where the plan says."""
     worst_error_m: float | None = None
@@ -187,7 +252,8 @@ class DryRunView(View):
     within_share: float | None = None
     """Part of the flight that was nearer to the plan than its 95 % circle says."""
     entered: list[str] = field(default_factory=list)
-    """Keep-outs that the robot was carried into; the station sends no such plan by itself."""
+    """Keep-outs that the robot was carried into in more than one of five flights; the station sends
+    no such plan by itself."""
     runs: int | None = None
     duration_s: float | None = None
     energy: float | None = None
@@ -196,7 +262,7 @@ class DryRunView(View):
     expected: list[TrajectoryPoint] = field(default_factory=list)
     """Expected track, the mean of all flights at the same share of the same leg: time of the plan
     s, north, east, down m, the position std that they state m; as many points for each leg, in
-    their order. Empty unless at least two flights flew the whole plan."""
+    their order. Empty unless ``completed``."""
     expected_times_s: list[Annotated[list[float], numbers(2)]] = field(default_factory=list)
     """When each leg is expected to begin and to end, s since the start, surfacings included."""
     spread_m: float | None = None
@@ -206,6 +272,10 @@ class DryRunView(View):
     """How near the expected track comes to keep-outs and shoreline."""
     broken: list[ViolationView] = field(default_factory=list)
     """Limits that the expected track breaks; they are among the plan's warnings."""
+    band: FlightBandView | None = None
+    """Where all flights were, and what became of them; ``null`` in plans of an earlier version."""
+    not_rehearsed: str = ""
+    """What the flights left out, a sentence."""
     message: str = ""
 
 

@@ -11,13 +11,16 @@ from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel
 from autonomy.planner.leg import flow_kernel
 from autonomy.vehicle import extended_kernel
+from autonomy.vehicle import kernel as body
 from simulator.ahead import water as waters
 from simulator.ahead.state import Robot, Setup, State, Water
-from simulator.plant import FLOOR, SHALLOWEST_M
+from simulator.plant import FLOOR, PHYSICS_STEP_S, SHALLOWEST_M
 
 advance = extended_kernel.advance
 flow_at = flow_kernel.flow_at
 floor_m = waters.floor_m
+M0_RATE, RP1_RATE = body.M0_RATE, body.RP1_RATE
+ENERGY_M0, ENERGY_RP1 = body.ENERGY_M0, body.ENERGY_RP1
 """Names that numba resolves once, when it compiles."""
 
 _EARLY_S = 1e-6
@@ -37,9 +40,28 @@ def move(s: State, setup: Setup, robot: Robot, water: Water, noise: FloatArray) 
         around[FLOOR] = max(floor_m(water, s.x[0], s.x[1]), SHALLOWEST_M)
     s.x[15] = 0.0
     step_s = setup.period_s / setup.plant_steps
+    net_mass, sliding = s.x[12], s.x[13]
     s.x[:] = advance(s.x, s.driven, robot.true, around, s.plant_s, step_s, setup.plant_steps)
     s.plant_s += setup.plant_steps * step_s
-    s.battery = max(0.0, s.battery - s.x[15] / setup.battery_j)
+    used_j = s.x[15]
+    if step_s > PHYSICS_STEP_S + _EARLY_S:
+        p = robot.true
+        used_j += p[ENERGY_M0] * _hurried(s.x[12] - net_mass, p[M0_RATE], step_s, setup.period_s)
+        used_j += p[ENERGY_RP1] * _hurried(s.x[13] - sliding, p[RP1_RATE], step_s, setup.period_s)
+    s.battery = max(0.0, s.battery - used_j / setup.battery_j)
+
+
+@inner_kernel
+def _hurried(way: float, rate: float, step_s: float, period_s: float) -> float:
+    """Return what a coarse step leaves out of the integral of an actuator's squared rate.
+
+    An actuator goes its way at its greatest rate and rests; a longer step spreads the way over its
+    whole length. The way is taken as gone in one such step.
+    """
+    whole = int(abs(way) / (rate * PHYSICS_STEP_S))
+    rest = abs(way) - whole * rate * PHYSICS_STEP_S
+    true = whole * rate * rate * PHYSICS_STEP_S + rest * rest / PHYSICS_STEP_S
+    return max(true - way * way / min(max(abs(way) / rate, step_s), period_s), 0.0)
 
 
 @inner_kernel

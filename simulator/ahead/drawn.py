@@ -25,5 +25,7 @@ class Drawn:
     """Of the full battery."""
     battery: float = 1.0
     """Charge at the start, 0..1."""
+    flow_share: float = 1.0
+    """Factor of the current that is told by place and time."""
     settling_s: float = 20.0
     """Time at the surface before the start."""

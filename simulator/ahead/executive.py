@@ -31,8 +31,10 @@ LEG, NEXT, ABORT, IDLE = (
 ON_BOARD, RUNNING = int(OnboardPlanState.ON_BOARD), int(OnboardPlanState.RUNNING)
 DONE, FAILED = int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED)
 MODE_SURFACED, MODE_IDLE = int(RobotMode.SURFACED), int(RobotMode.IDLE)
-NOTHING, TIMED_OUT, BATTERY = range(3)
-"""Why a mission failed."""
+NOTHING, TIMED_OUT, BATTERY, LOST = range(4)
+"""Why a mission failed; a robot is lost that is not back long after its time is over."""
+LOST_S = 1800.0
+"""So long."""
 FLOAT, SWIM, TURN, RISE, DIVE, KEEP = (
     maneuvers.FLOAT, maneuvers.SWIM, maneuvers.TURN, maneuvers.RISE, maneuvers.DIVE, maneuvers.KEEP
 )  # fmt: skip
@@ -245,8 +247,11 @@ def _proceed(
     elif s.stage == LEG:
         if is_leg_done(s, setup, robot, legs):
             _end_leg(s, setup, robot, water, legs, polars)
-    elif s.stage == ABORT and is_surfaced(s, setup):
-        _end_mission(s, FAILED, s.abort_reason)
+    elif s.stage == ABORT:
+        if is_surfaced(s, setup):
+            _end_mission(s, FAILED, s.abort_reason)
+        elif s.mission_s > setup.timeout_s + LOST_S:
+            _end_mission(s, FAILED, LOST)
 
 
 @inner_kernel

@@ -17,7 +17,7 @@ from simulator.fleet import RobotDefinition
 _CHUNK = 4096
 """Steps between two questions whether to go on."""
 _ROWS_A_LEG = 12
-TIMED_OUT, BATTERY = executive.TIMED_OUT, executive.BATTERY
+TIMED_OUT, BATTERY, LOST = executive.TIMED_OUT, executive.BATTERY, executive.LOST
 
 
 class FlightCancelledError(Exception):
@@ -64,7 +64,7 @@ class Flown:
     """As of ``state.Record``."""
     is_done: bool
     reason: int
-    """Of ``TIMED_OUT`` and ``BATTERY``; 0 for a mission that was flown whole."""
+    """Of ``TIMED_OUT``, ``BATTERY`` and ``LOST``; 0 for a mission that was flown whole."""
     duration_s: float
     energy: float
     battery: float
@@ -114,7 +114,7 @@ class _Flight:
     def __init__(self, plan: FlightPlan, drawn: Drawn, first: FloatArray) -> None:
         definition, mission, grain = plan.definition, plan.mission, plan.grain
         legs, row_s = len(plan.course.legs), plan.row_s
-        longest_s = drawn.settling_s + mission.settings.timeout_s + 600.0
+        longest_s = drawn.settling_s + mission.settings.timeout_s + executive.LOST_S
         rows = math.ceil(longest_s / row_s) + _ROWS_A_LEG * legs + 100
         self._plan = plan
         self._robot = pack.robot_of(definition.vehicle, drawn.vehicle, definition.site)
@@ -122,7 +122,10 @@ class _Flight:
         self._setup[0]["row_every"] = max(1, round(row_s / grain.period_s))
         self._state = pack.state_of(definition, mission, drawn.battery)
         self._record = pack.record_for(legs, rows)
-        args = (self._state, self._setup, self._robot, plan.water, plan.course.legs)
+        flow = plan.water.flow
+        scaled = flow._replace(values=drawn.flow_share * flow.values)
+        self._water = plan.water._replace(flow=scaled)
+        args = (self._state, self._setup, self._robot, self._water, plan.course.legs)
         kernel.begin(*args, first)
 
     @property
@@ -130,8 +133,8 @@ class _Flight:
         return self._state[0]["plan_state"] in (executive.ON_BOARD, executive.RUNNING)
 
     def fly_on(self, noise: FloatArray) -> None:
-        course, water = self._plan.course, self._plan.water
-        args = (self._state, self._setup, self._robot, water, course.legs, course.polars)
+        course = self._plan.course
+        args = (self._state, self._setup, self._robot, self._water, course.legs, course.polars)
         kernel.fly(*args, noise, self._record)
 
     def outcome(self) -> Flown:

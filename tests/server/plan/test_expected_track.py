@@ -12,7 +12,7 @@ from db.query.measured.telemetry import track
 from robot_link.messages import OnboardPlanState, RobotMode
 from server.access.role import Role
 from server.plan.ahead import planned_rest
-from server.plan.dry_run import DryRuns
+from server.plan.dry_run import RUNS, DryRuns
 from server.plan.expected import expected_of, is_on_leg, judged, off_track_m
 from tests.server.conftest import MINI, api_client, open_station, until
 from tests.server.fake_link import current_report, state_report
@@ -36,7 +36,7 @@ async def test_draft_promises_what_its_flights_let_expect(client, workers):
     account, found = draft["account"], draft["rehearsal"]
     assert found["spread_m"] == 0.08
     assert found["expected_times_s"] == [[20.0, 50.0], [70.0, 100.0]]
-    assert account["expected_from"] == 4
+    assert account["expected_from"] == RUNS
     assert account["duration_s"] == found["duration_s"]
     assert account["planned_duration_s"] > 0.0
     assert account["worst_std_m"] == 0.06

@@ -1,16 +1,21 @@
 import asyncio
+import math
 import os
 import signal
 from asyncio import all_tasks
 
 import pytest
 
+from autonomy.planner.preset import MINIGLIDER
+from autonomy.vehicle.trim import TrimConfig
 from robot_link.dry_run import DRY_RUN
+from robot_link.mission import Mission, MissionSettings
 from server.access.role import Role
 from server.base.worker import WorkerEndedError, WorkerSpentError
 from server.plan import dry_run
 from server.plan.dry_run import DryRuns
 from server.plan.ledger import PlanLedger
+from server.plan.primitive_legs import LegRequest, legs_from
 from server.plan.search.request import SearchRequest
 from server.plan.state import PlanEvidence
 from server.survey import step as survey_step
@@ -75,14 +80,27 @@ async def test_legs_laid_out_by_hand_are_rehearsed_too(client, workers):
     assert draft["rehearsal"]["state"] == "done"
 
 
-async def test_long_plan_is_flown_fewer_times_so_that_nobody_waits(client, workers, monkeypatch):
-    draft = await plan_in(client, await laid_out(client), "draft")
-    planned_s = draft["account"]["planned_duration_s"]
-    monkeypatch.setattr(dry_run, "FLOWN_S", 2.5 * planned_s)
-    await plan_in(client, await laid_out(client), "draft")
-    monkeypatch.setattr(dry_run, "FLOWN_S", 0.5 * planned_s)
-    await plan_in(client, await laid_out(client), "draft")
-    assert [problem.runs for problem in workers.dry_runs] == [4, 2, 1]
+async def test_plan_that_waits_is_flown_for_a_while_and_a_draft_as_often_as_can_be(client, workers):
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    await rehearsed_again(client, workers, plan)
+    workers.may_fly.set()
+    await nothing_rehearses(plan)
+    waited, again = workers.dry_runs
+    assert (waited.runs, again.runs) == (dry_run.RUNS, dry_run.RUNS)
+    assert (waited.processor_s, again.processor_s) == (dry_run.WAITED_S, math.inf)
+
+
+async def test_a_mission_that_is_no_plan_is_flown_ahead(station, workers):
+    dry_runs = DryRuns(station.fleet, station.workers)
+    legs = legs_from(MINIGLIDER, (1.2, 0.6), [LegRequest("dive", (0.0, 0.0, z)) for z in (0.3, 0)])
+    settings = MissionSettings.of(MINIGLIDER, TrimConfig(), (1.2, 0.6, 0.0), 100.0)
+    mission = Mission.from_legs(settings, legs)
+    workers.may_fly.set()
+    found = await dry_runs.fly_mission(MINI, mission, MINIGLIDER)
+    assert (found.state, found.completed) == ("done", True)
+    (problem,) = workers.dry_runs
+    assert problem.mission == mission
+    assert problem.planned_points[-1, 3] == 0.0
 
 
 async def test_rehearsal_is_left_out_where_it_is_switched_off(client, workers):

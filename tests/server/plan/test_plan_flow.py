@@ -13,7 +13,7 @@ from autonomy.planner.preset import planner_preset
 from autonomy.site import LAKE
 from robot_link.dry_run import DryRunProblem
 from server.current.currents import Currents
-from server.plan.document import legs_of, mission_of
+from server.plan.document import legs_of, mission_of, points_of
 from server.plan.dry_run import DryRuns
 from server.plan.flow import PlanFlows, round_duration_s, surfacings_of
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -112,7 +112,9 @@ async def test_laid_out_plan_says_where_its_dives_come_up(client, station, world
     record = await station.plans.get(plan["id"])
     config = PlannerConfig.model_validate(record.config)
     assert config.current.flow is not None
-    problem = DryRuns(station.fleet, station.workers)._problem(record, config)
+    problem = DryRuns(station.fleet, station.workers)._problem(
+        "grace-1", mission_of(record), points_of(record.document), config
+    )
     assert isinstance(problem, DryRunProblem)
     assert problem.flow == config.current.flow
     assert len(legs_of(record.document)) == len(mission_of(record).legs) == 2

@@ -1,0 +1,218 @@
+"""The flight before the flight: how fast, how near to the readable program, how well calibrated.
+
+Missions are drawn when this runs (``benchmarks.drawn.mission``), and so is what each flight meets.
+For the calibration the "real" robot is the readable program on a simulated robot whose vehicle,
+current, drift, ballast, noise and battery are drawn from the spread that the ensemble knows; of one
+mission in five the current is told wrong, by as much again as it is unknown, and the ensemble is
+told that such things happen by the doubled spread of the current.
+"""
+
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.planner.preset import PLANNER_PRESETS
+from benchmarks.drawn.mission import mission_of
+from robot_link.dry_run import DryRunProblem
+from server.plan.primitive_legs import candidate_of
+from simulator.ahead import ensemble, flight, readable
+from simulator.ahead.draw import drawn_for
+from simulator.ahead.pack import EXACT
+from simulator.ahead.state import ROW_BATTERY, ROW_BELIEVED_NORTH, ROW_NORTH, ROW_TIME
+from simulator.fleet import GRACE_1, MINI_1
+
+AREA = "flight_ahead"
+ROBOTS = {"tank": MINI_1, "lake": GRACE_1}
+PAIRS = int(os.environ.get("FLIGHT_AHEAD_PAIRS", "50"))
+"""Seeds of the comparison with the readable program, half of them in each water."""
+REAL = int(os.environ.get("FLIGHT_AHEAD_REAL", "100"))
+"""Real flights of the calibration, ten of each mission."""
+EACH = 10
+_DURATIONS_S = {"tank": 240.0, "lake": 1200.0}
+_SHARES = np.linspace(0.1, 1.0, 10)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How near a compiled flight was to the readable one, m, or as a part of the leg."""
+
+    water: str
+    has_same_modes: bool
+    worst: float
+
+
+def measure() -> list[dict[str, Any]]:
+    """Measure speed, agreement and calibration; takes about half an hour of two cores."""
+    seeds = np.random.SeedSequence()
+    print(f"{AREA}: seed {seeds.entropy}", flush=True)
+    rows = [*speeds(seeds.spawn(1)[0])]
+    with ProcessPoolExecutor(2) as pool:
+        rows += agreement(list(pool.map(compared, *pair_arguments(seeds))))
+        rows += calibration(list(pool.map(judged, *real_arguments(seeds))))
+    return rows
+
+
+def problem_of(generator: np.random.Generator, water: str, duration_s: float) -> DryRunProblem:
+    """Return a drawn mission with what the station would tell of it."""
+    definition = ROBOTS[water]
+    config = PLANNER_PRESETS[definition.vehicle.key]
+    mission = mission_of(generator, config, duration_s, 2.0 * config.max_uncertainty_m)
+    start = mission.settings.start_x_m, mission.settings.start_y_m
+    return DryRunProblem(
+        mission=mission,
+        planned_points=candidate_of(config, mission.legs).points,
+        vehicle=definition.vehicle,
+        site=definition.site,
+        start_ne_m=start,
+        heading_rad=float(generator.uniform(-np.pi, np.pi)),
+        drift_m_sqrt_s=definition.drift_m_sqrt_s,
+        # what is left unknown once a dive or a stay has told of it
+        unknown_current_std_m_s=0.4 * definition.estimator.steady_current_m_s,
+        seed=int(generator.integers(2**31)),
+    )
+
+
+def speeds(seeds: np.random.SeedSequence) -> Iterator[dict[str, Any]]:
+    """Fly 200 flights of a short and of a long mission, after everything is compiled."""
+    ensemble.warm_up()
+    generator = np.random.default_rng(seeds)
+    for water, duration_s, bar_s in (("tank", 1800.0, 10.0), ("lake", 86_400.0, 120.0)):
+        asked = replace(problem_of(generator, water, duration_s), runs=200)
+        began_s, used_s = time.perf_counter(), time.process_time()
+        found = ensemble.run(asked, lambda _: None, lambda: False)
+        wall_s, used_s = time.perf_counter() - began_s, time.process_time() - used_s
+        rate = found.duration_s * found.runs / used_s
+        yield {
+            "area": AREA,
+            "name": f"200 flights of {duration_s / 3600.0:g} h in the {water}",
+            "value": round(wall_s, 1),
+            "unit": f"s wall; {used_s:.0f} s of processor, {rate:.0f} s flown in one",
+            "bar": bar_s,
+            "met": wall_s <= bar_s,
+        }
+
+
+def pair_arguments(seeds: np.random.SeedSequence) -> tuple[list[int], list[str]]:
+    drawn = [int(one) for one in seeds.generate_state(PAIRS)]
+    return drawn, ["tank" if number % 2 else "lake" for number in range(PAIRS)]
+
+
+def compared(seed: int, water: str) -> Compared:
+    """Fly one drawn mission by the readable program and by the kernel, with the same noise."""
+    generator = np.random.default_rng(seed)
+    asked = problem_of(generator, water, _DURATIONS_S[water])
+    plan = ensemble.plan_of(asked, EXACT)
+    plan = replace(plan, row_s=0.1)
+    drawn = drawn_for(asked, plan.definition, generator)
+    truth = readable.fly_readable(plan.definition, asked.mission, drawn, seed)
+    if truth is None:
+        raise ValueError("it was cancelled")
+    mine = flight.fly_with(plan, drawn, truth.noise.first, truth.noise.steps)
+    modes = [tuple(one[1:]) for one in mine.changes.tolist()]
+    has_same = modes == [one[1:] for one in truth.changes] and len(mine.rows) == len(truth.rows)
+    if not has_same:
+        return Compared(water, False, float("inf"))
+    off_m = np.zeros(len(mine.rows))
+    for first in (ROW_NORTH, ROW_BELIEVED_NORTH):
+        apart = (mine.rows - truth.rows)[:, first : first + 3]
+        off_m = np.maximum(off_m, np.linalg.norm(apart, axis=1))
+    if water == "tank":
+        return Compared(water, True, float(off_m.max()))
+    legs = asked.mission.legs
+    length_m = np.array(
+        [np.linalg.norm(np.subtract(one.end_ned, one.start_ned)) for one in (*legs, legs[-1])]
+    )
+    leg = truth.rows[:, 1].astype(int)
+    return Compared(water, True, float((off_m / np.maximum(length_m[leg], 1.0)).max()))
+
+
+def agreement(found: list[Compared]) -> Iterator[dict[str, Any]]:
+    same = sum(one.has_same_modes for one in found)
+    yield row("same modes and legs as the readable program", same, f"of {len(found)} flights",
+              len(found), same == len(found))  # fmt: skip
+    for water, unit, bar in (("tank", "m", 0.05), ("lake", "of the leg", 0.01)):
+        worst = max(one.worst for one in found if one.water == water)
+        text = f"{unit}, worst of {sum(one.water == water for one in found)} flights, same noise"
+        yield row(f"from the readable program, {water}", worst, text, bar, worst <= bar)
+
+
+def row(name: str, value: float, unit: str, bar: float, met: bool) -> dict[str, Any]:
+    return {"area": AREA, "name": name, "value": value, "unit": unit, "bar": bar, "met": met}
+
+
+def real_arguments(seeds: np.random.SeedSequence) -> tuple[list[int], list[str], list[bool]]:
+    count = REAL // EACH
+    drawn = [int(one) for one in seeds.generate_state(PAIRS + count)[PAIRS:]]
+    return (
+        drawn,
+        ["tank" if number % 2 else "lake" for number in range(count)],
+        [number % 5 == 0 for number in range(count)],
+    )
+
+
+def judged(seed: int, water: str, is_told_wrong: bool) -> tuple[list[float], list[float]]:
+    """Return how often the band of one mission held places and battery ends of real flights.
+
+    Places are those at shares of the flights' own legs; each flight counts with the part of its
+    places that lie within the ellipse and the depths.
+    """
+    generator = np.random.default_rng(seed)
+    asked = problem_of(generator, water, _DURATIONS_S[water])
+    if is_told_wrong:
+        off = asked.unknown_current_std_m_s * generator.standard_normal(2)
+        met = replace(asked, current_ne_m_s=(float(off[0]), float(off[1])))
+        asked = replace(asked, unknown_current_std_m_s=2.0**0.5 * asked.unknown_current_std_m_s)
+    else:
+        met = asked
+    found = ensemble.run(replace(asked, runs=200), lambda _: None, lambda: False)
+    band = found.band
+    if band is None:
+        raise ValueError(found.message)
+    definition = ensemble.plan_of(asked).definition
+    places: list[float] = []
+    batteries: list[float] = []
+    for _ in range(EACH):
+        drawn = drawn_for(met, definition, generator)
+        real = readable.fly_readable(
+            definition, asked.mission, drawn, int(generator.integers(2**31))
+        )
+        if real is None or len(real.rows) == 0:
+            raise ValueError("a real flight did not begin")
+        places.append(held_share(band.over_time, real.rows))
+        low, _, high = band.battery_end
+        batteries.append(float(low <= real.rows[-1, ROW_BATTERY] <= high))
+    return places, batteries
+
+
+def held_share(over_time: FloatArray, rows: FloatArray) -> float:
+    """Return the part of a flight's coordinates along time that lie within the band's ranges."""
+    ends_s = rows[-1, ROW_TIME]
+    at_s = _SHARES * ends_s
+    held: list[bool] = []
+    for k in range(3):
+        value = np.interp(at_s, rows[:, ROW_TIME], rows[:, ROW_NORTH + k])
+        low, high = (np.interp(at_s, over_time[:, 0], over_time[:, 1 + 3 * k + i]) for i in (0, 2))
+        held += ((low - 1e-6 <= value) & (value <= high + 1e-6)).tolist()
+    return float(np.mean(held))
+
+
+def calibration(found: list[tuple[list[float], list[float]]]) -> Iterator[dict[str, Any]]:
+    for part, name in enumerate(("positions", "battery ends")):
+        shares = np.concatenate([one[part] for one in found])
+        missions = np.array([np.mean(one[part]) for one in found])
+        std = float(missions.std(ddof=1) / np.sqrt(len(missions))) if len(missions) > 1 else 0.0
+        value = float(shares.mean())
+        yield {
+            "area": AREA,
+            "name": f"{name} of real flights within the 90 % band",
+            "value": round(value, 3),
+            "unit": f"of {len(shares)} flights, +- {std:.3f} over missions",
+            "bar": "0.85 to 0.95",
+            "met": 0.85 <= value <= 0.95,
+        }

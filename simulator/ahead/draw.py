@@ -1,0 +1,82 @@
+"""What the flights of an ensemble meet, drawn from a stated spread."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from autonomy.estimation.config import MODEL_FILTER_PRESETS, ModelFilterConfig
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.energy import EnergyPrices
+from robot_link.dry_run import DryRunProblem, Spread
+from simulator.ahead.drawn import Drawn
+from simulator.fleet import RobotDefinition
+
+_TOGETHER = (
+    ("drag_0", "drag_alpha", "drag_delta"),
+    ("side_beta", "side_delta"),
+    ("lift_0", "lift_alpha"),
+    ("pitch_0_m", "pitch_alpha_m", "pitch_damping_m_s"),
+    ("yaw_beta_m", "yaw_damping_m_s", "yaw_delta_m"),
+)
+"""Parameters that are wrong by the same share."""
+_MOMENTS = 3
+"""The groups from here on are moments."""
+_MOMENT_SHARE = 0.5
+"""Spread of the moments in that of the forces: a hull that turns otherwise is seen at once."""
+_LEAST, _MOST = 0.5, 1.5
+"""No share is drawn beyond these."""
+
+
+def drawn_for(
+    problem: DryRunProblem, definition: RobotDefinition, generator: np.random.Generator
+) -> Drawn:
+    """Draw robot and water of one flight.
+
+    Args:
+        problem: What is flown, and its spread.
+        definition: The robot as the onboard program believes it.
+        generator: Source of randomness.
+    """
+    spread, settings = problem.spread, problem.mission.settings
+    north, east = problem.current_ne_m_s
+    more = problem.unknown_current_std_m_s * generator.standard_normal(2)
+    sensors, ballast = definition.sensors, spread.ballast_share * generator.standard_normal(2)
+    capacity_wh = problem.capacity_wh or definition.battery.capacity_wh
+    return Drawn(
+        vehicle=vehicle_for(definition.vehicle, spread, generator),
+        current_ne_m_s=(north + float(more[0]), east + float(more[1])),
+        drift_m_sqrt_s=problem.drift_m_sqrt_s * _share(generator, spread.drift_share),
+        # the trim is right but for what nobody knows
+        buoyancy_bias_kg=settings.net_buoyancy_offset_kg
+        + sensors.buoyancy_bias_kg * float(ballast[0]),
+        mass_position_bias_m=settings.mass_position_offset_m
+        + sensors.mass_position_bias_m * float(ballast[1]),
+        noise_share=_share(generator, spread.noise_share),
+        capacity_wh=capacity_wh * _share(generator, spread.capacity_share),
+        battery=problem.battery,
+        flow_share=_share(generator, spread.flow_share),
+    )
+
+
+def vehicle_for(vehicle: Vehicle, spread: Spread, generator: np.random.Generator) -> Vehicle:
+    """Return a robot of this kind as one of many is."""
+    share = spread.model_share
+    if share is None:
+        share = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig()).model_error
+    values = vehicle.parameters.model_dump()
+    changed: dict[str, float] = {}
+    for number, names in enumerate(_TOGETHER):
+        part = _MOMENT_SHARE if number >= _MOMENTS else 1.0
+        factor = _share(generator, part * share)
+        changed |= {name: factor * values[name] for name in names}
+    power = _share(generator, spread.power_share)
+    energy = EnergyPrices(
+        **{name: power * value for name, value in vehicle.energy.model_dump().items()}
+    )
+    parameters = vehicle.parameters.model_copy(update=changed)
+    return replace(vehicle, parameters=parameters, energy=energy)
+
+
+def _share(generator: np.random.Generator, std: float) -> float:
+    """Draw a factor about 1."""
+    return min(max(1.0 + std * float(generator.standard_normal()), _LEAST), _MOST)

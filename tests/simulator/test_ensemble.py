@@ -1,0 +1,160 @@
+"""Missions flown hundreds of times by the kernel: bands, chances, and what keeps them honest."""
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.site import Area
+from benchmarks.drawn.mission import mission_of
+from robot_link.dry_run import DryRunProblem, Spread
+from server.plan.primitive_legs import candidate_of
+from simulator.ahead import ensemble
+from simulator.ahead.band import LEVEL
+from simulator.ahead.pack import EXACT
+from simulator.ahead.state import ROW_EAST, ROW_NORTH, ROW_STD
+from simulator.dry_run import DryRunCancelledError
+from simulator.fleet import MINI_1
+
+CONFIG = PLANNER_PRESETS["miniglider"]
+SEED = int(np.random.SeedSequence().generate_state(1)[0])
+"""Drawn anew each time; a failure names it."""
+
+
+def problem(runs=40, seed=SEED, **changes):
+    """Return a drawn mission of some dives in the tank."""
+    mission = mission_of(np.random.default_rng(seed), CONFIG, 120.0, 2.0)
+    settings = mission.settings
+    return replace(
+        DryRunProblem(
+            mission=mission,
+            planned_points=candidate_of(CONFIG, mission.legs).points,
+            vehicle=MINI_1.vehicle,
+            site=MINI_1.site,
+            start_ne_m=(settings.start_x_m, settings.start_y_m),
+            heading_rad=0.4,
+            drift_m_sqrt_s=MINI_1.drift_m_sqrt_s,
+            unknown_current_std_m_s=0.005,
+            runs=runs,
+            seed=seed,
+        ),
+        **changes,
+    )
+
+
+def run(asked, reports=None, cancelled=lambda: False):
+    told = [] if reports is None else reports
+    return ensemble.run(asked, told.append, cancelled)
+
+
+def test_a_band_holds_what_it_says_of_the_flights_that_made_it():
+    asked = problem(runs=60)
+    reports = []
+    found = run(asked, reports)
+    band = found.band
+    assert found.completed, (SEED, found.message)
+    assert found.runs == 60
+    assert reports == sorted(reports)
+    assert reports[-1] == 1.0
+    assert band.level == LEVEL
+    along = band.along
+    assert set(along[:, 0]) == set(range(len(asked.mission.legs)))
+    assert np.all(along[:, 3:9:2] <= along[:, 4:9:2])
+    assert np.all(along[:, 11] >= along[:, 12])
+    time_s, charge = band.over_time[:, 0], band.over_time[:, 10:13]
+    assert np.all(np.diff(time_s) > 0.0)
+    assert np.all(np.diff(charge[:, 1]) <= 1e-12)
+    assert band.battery_end == pytest.approx(charge[-1], abs=1e-6)
+    ends = [n for n, leg in enumerate(asked.mission.legs) if leg.end_ned[2] == 0.0]
+    assert [one.leg for one in band.surfacings] == ends
+    flights = ensemble.flown(asked, lambda _: None, lambda: False)
+    last = band.surfacings[-1]
+    places = np.array([one.surfaced[last.leg, 1:3] for one in flights])
+    assert inside(places, last) == pytest.approx(LEVEL, abs=0.1)
+    assert sum(one.share for one in band.outcomes) == pytest.approx(1.0)
+    assert "Not rehearsed" in found.not_rehearsed
+
+
+def inside(places, band):
+    """Return which part of places an ellipse holds."""
+    off = places - (band.north_m, band.east_m)
+    axis = (math.cos(band.ellipse_rad), math.sin(band.ellipse_rad))
+    along, across = off @ axis, off @ (-axis[1], axis[0])
+    return float(
+        np.mean((along / band.ellipse_m[0]) ** 2 + (across / band.ellipse_m[1]) ** 2 <= 1.0)
+    )
+
+
+def test_the_same_seed_flies_the_same_ensemble_whatever_the_threads_do():
+    one, other = run(problem(runs=6)), run(problem(runs=6))
+    np.testing.assert_array_equal(one.band.along, other.band.along)
+    np.testing.assert_array_equal(one.expected, other.expected)
+
+
+def test_coarse_flights_scatter_as_exact_ones_do():
+    asked = problem(runs=40)
+    coarse = ensemble.flown(asked, lambda _: None, lambda: False)
+    exact = ensemble.flown(asked, lambda _: None, lambda: False, EXACT)
+    ends = [np.array([one.surfaced[-1, 1:3] for one in kind]) for kind in (coarse, exact)]
+    assert all(np.isfinite(places).all() for places in ends), SEED
+    std = [places.std(axis=0).max() for places in ends]
+    # of 40 flights a mean is known to a sixth of the scatter, a deviation to a ninth of itself
+    assert np.linalg.norm(ends[0].mean(axis=0) - ends[1].mean(axis=0)) < 4.0 * max(std) / 40**0.5
+    assert 0.55 < std[0] / std[1] < 1.8, SEED
+    stated = [np.mean([one.rows[:, ROW_STD].mean() for one in kind]) for kind in (coarse, exact)]
+    assert stated[0] == pytest.approx(stated[1], rel=0.2)
+    took_s = [np.mean([one.duration_s for one in kind]) for kind in (coarse, exact)]
+    assert took_s[0] == pytest.approx(took_s[1], rel=0.1)
+    used = [1.0 - np.mean([one.battery for one in kind]) for kind in (coarse, exact)]
+    assert used[0] == pytest.approx(used[1], rel=0.15)
+
+
+def test_a_keep_out_is_touched_as_often_as_flights_are_in_it():
+    north, east, _ = problem().mission.legs[0].end_ned
+    sides = ((-0.3, -0.3), (-0.3, 0.3), (0.3, 0.3), (0.3, -0.3))
+    here = Area(name="here", corners_m=tuple((north + n, east + e) for n, e in sides))
+    far = Area(name="far", corners_m=tuple((50.0 + n, e) for n, e in sides))
+    asked = problem(keep_outs=(here, far))
+    found = run(asked)
+    flights = ensemble.flown(asked, lambda _: None, lambda: False)
+    share = np.mean(
+        [here.contains(one.rows[:, ROW_NORTH], one.rows[:, ROW_EAST]).any() for one in flights]
+    )
+    assert {one.name: one.share for one in found.band.touches} == {"here": share, "far": 0.0}
+    assert ("here" in found.entered) == (share > 0.2)
+
+
+def test_flights_that_run_out_of_time_or_battery_are_told_as_what_they_are():
+    settings = replace(problem().mission.settings, timeout_s=20.0)
+    late = run(problem(runs=12, mission=type(problem().mission)(settings, problem().mission.legs)))
+    assert late.band.not_back == 1.0
+    assert [(one.name, one.share) for one in late.band.outcomes] == [("ran out of time", 1.0)]
+    assert not late.completed
+    assert late.expected is None
+    assert (
+        late.message == "12 of 12 times the robot did not fly the whole plan: it ran out of time."
+    )
+    empty = run(problem(runs=12, battery=0.051, capacity_wh=1.0, spread=Spread(capacity_share=0.0)))
+    assert [one.name for one in empty.band.outcomes] == ["ran out of battery"]
+
+
+def test_nobody_waits_longer_than_was_said_but_for_the_least_number_of_flights():
+    found = run(problem(runs=400, processor_s=0.0))
+    assert found.runs == ensemble.LEAST_RUNS
+
+
+def test_it_stops_when_nobody_wants_to_know():
+    begun = time.monotonic()
+    with pytest.raises(DryRunCancelledError):
+        run(problem(runs=100_000), cancelled=lambda: time.monotonic() > begun + 0.2)
+
+
+def test_a_plan_that_cannot_be_flown_at_all_is_refused_with_the_robots_own_words():
+    plan = problem().mission
+    deep = replace(plan.legs[0], end_ned=(*plan.legs[0].end_ned[:2], 90.0))
+    found = run(problem(mission=replace(plan, legs=(deep,)), runs=3))
+    assert not found.completed
+    assert "leg 1 leaves the water" in found.message
