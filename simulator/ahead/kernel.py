@@ -170,7 +170,8 @@ def _note(s: State, setup: Setup, record: Record) -> None:
             row[ROW_BELIEVED_NORTH + i] = s.position_ned[i]
         row[ROW_STD], row[ROW_BATTERY] = s.position_std_m, s.battery
         s.row += 1
-    if samples or s.x[2] >= setup.surfaced_m:
+    # a mission ends where the robot believes to be up, which waves and noise may belie
+    if samples or (s.x[2] >= setup.surfaced_m and s.plan_state == RUNNING):
         return
     at = s.leg - 1
     if 0 <= at < record.surfaced.shape[0] and math.isnan(record.surfaced[at, 0]):

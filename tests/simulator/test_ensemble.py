@@ -73,7 +73,7 @@ def test_a_band_holds_what_it_says_of_the_flights_that_made_it():
     flights = ensemble.flown(asked, lambda _: None, lambda: False)
     last = band.surfacings[-1]
     places = np.array([one.surfaced[last.leg, 1:3] for one in flights])
-    assert inside(places, last) == pytest.approx(LEVEL, abs=0.1)
+    assert inside(places, last) == pytest.approx(LEVEL, abs=0.12)
     assert sum(one.share for one in band.outcomes) == pytest.approx(1.0)
     assert "Not rehearsed" in found.not_rehearsed
 
