@@ -109,6 +109,7 @@ export type {
   PositionView as Position,
   PrimitiveKind,
   DryRunView as Rehearsal,
+  FlightBandView as FlightBand,
   RobotLinkView as RobotLink,
   RobotLogView as LogFile,
   RobotView as Robot,
