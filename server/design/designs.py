@@ -31,6 +31,7 @@ from server.plan.planning import Planning
 PLAN_KIND = "design"
 """Kind of the plans that are made of designs."""
 _MARKED = "designs"
+_TEMPLATES = "design_templates"
 
 
 class Designs:
@@ -266,11 +267,13 @@ class Designs:
         at = self._foundation.clock.now()
         values = wanted.document.model_dump(mode="json")
         parameters = [one.model_dump(mode="json") for one in wanted.parameters]
-        return await self._foundation.store.write(
+        record = await self._foundation.store.write(
             lambda session: templates.add_template(
                 session, wanted.name, values, parameters, at=at, by=by
             )
         )
+        self._foundation.feed.mark(_TEMPLATES)
+        return record
 
     async def templates(self) -> list[TemplateRecord]:
         """Return the templates, the newest first."""
@@ -282,9 +285,11 @@ class Designs:
         Raises:
             UnknownIdError: If there is none of this id.
         """
-        return await self._foundation.store.write(
+        record = await self._foundation.store.write(
             lambda session: templates.archive_template(session, template)
         )
+        self._foundation.feed.mark(_TEMPLATES)
+        return record
 
     async def _version_to_fly(
         self, record: DesignRecord, number: int | None, *, by: str

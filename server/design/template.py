@@ -28,6 +28,8 @@ def check_parameters(document: Design, parameters: Sequence[TemplateParameter]) 
         if one.low is not None and one.high is not None and one.low > one.high:
             text = f"it must not exceed {one.high:g}"
             errors.append(FieldError(loc=["parameters", number, "low"], msg=text))
+        if one.default is not None and (fault := _fault(one, one.default)):
+            errors.append(FieldError(loc=["parameters", number, "default"], msg=fault))
         for place, path in enumerate(one.paths):
             if not _holds_number(values, path):
                 loc: list[str | int] = ["parameters", number, "paths", place]

@@ -166,6 +166,37 @@ async def test_a_template_without_its_parameter_is_refused_by_its_name(client):
     assert refused.json()["errors"][0]["loc"] == ["parameters", 0, "paths", 0]
 
 
+async def test_a_template_whose_usual_value_is_beyond_its_limits_is_refused(client):
+    usual = np.random.default_rng().uniform(3_601.0, 86_400.0)
+    one = {
+        "key": "duration",
+        "title": "Duration",
+        "unit": "s",
+        "default": usual,
+        "high": 3_600.0,
+        "paths": ["/content/duration_s"],
+    }
+    place = {"north_m": 1.3, "east_m": 0.7}
+    document = {"content": {"kind": "mooring", "place": place, "duration_s": 600.0}}
+    body = {"name": "Mooring", "document": document, "parameters": [one]}
+    refused = await client.post("/api/design-templates", json=body)
+    [error] = refused.json()["errors"]
+    assert error["loc"] == ["parameters", 0, "default"]
+    assert error["msg"].startswith("Duration must be at most 3600 s")
+
+
+async def test_a_deleted_template_is_offered_no_more_and_its_designs_stay(client):
+    body = {"name": "Way", "document": waypoints((0.4, 0.3), (2.3, 0.3)), "parameters": []}
+    template = (await client.post("/api/design-templates", json=body)).json()["id"]
+    wanted = {"name": "W", "template": template}
+    made = (await client.post(f"/api/robots/{MINI}/designs", json=wanted)).json()
+    gone = await client.delete(f"/api/design-templates/{template}")
+    assert gone.status_code == 200, gone.text
+    assert (await client.get("/api/design-templates")).json() == []
+    kept = (await client.get(f"/api/designs/{made['id']}")).json()
+    assert len(kept["document"]["content"]["waypoints"]) == 2
+
+
 async def test_an_outline_names_what_is_broken_and_where(client):
     document = waypoints((0.4, 0.3), (2.3, 0.3), (9.0, 0.3))
     answer = await client.post(f"/api/robots/{MINI}/designs/check", json={"document": document})

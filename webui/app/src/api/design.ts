@@ -6,6 +6,7 @@ type Schemas = components['schemas'];
 
 export type DesignSummary = Schemas['DesignSummaryView'];
 export type NewDesign = Schemas['NewDesign'];
+export type NewTemplate = Schemas['NewTemplate'];
 export type Template = Schemas['TemplateView'];
 type FileFormat = paths['/api/designs/{design}/file']['get']['parameters']['query']['format'];
 /** Where the legs of a comparison come from. */
@@ -106,8 +107,10 @@ export class DesignApi {
 
   templates = () => told(this.#http.GET('/api/design-templates'));
 
-  addTemplate = (body: Schemas['NewTemplate']) =>
-    told(this.#http.POST('/api/design-templates', { body }));
+  addTemplate = (body: NewTemplate) => told(this.#http.POST('/api/design-templates', { body }));
+
+  removeTemplate = (template: string) =>
+    told(this.#http.DELETE('/api/design-templates/{template}', of({ template })));
 }
 
 function from(design: string, revision: number) {

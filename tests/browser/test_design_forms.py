@@ -1,0 +1,76 @@
+"""Forms around a design: templates with their numbers, rules of surfacing, and sending later."""
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.person import Person
+from tests.browser.walk import CHROMIUM, open_page
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.walk,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
+]
+
+ROBOT = "grace-1"
+WIDE = {"width": 1440, "height": 900}
+
+
+def kept(page: Page) -> None:
+    keeping = page.get_by_role("status", name="Keeping of the design")
+    expect(keeping).to_have_text(re.compile("Kept .*Z"))
+
+
+@pytest.fixture(scope="module")
+def desk(screen: Page, calm) -> Page:
+    """A star over the lake."""
+    screen.set_viewport_size(WIDE)
+    open_page(screen, calm, f"/design/{ROBOT}")
+    screen.get_by_role("button", name=re.compile("^Star")).click()
+    kept(screen)
+    return screen
+
+
+def test_a_template_is_made_begun_from_and_deleted(desk):
+    desk.get_by_text("Save as a template").click()
+    form = desk.get_by_role("form", name="Save as a template")
+    save = form.get_by_role("button", name="Save the template")
+    form.get_by_label("Name of the template").fill("Search")
+    form.get_by_label("Radius", exact=True).check()
+    radius = form.get_by_role("group", name="Radius")
+    most = radius.get_by_label("Most, m")
+    most.fill("1")
+    most.press("Enter")
+    expect(radius.get_by_role("alert")).to_contain_text("is more than the most, 1 m")
+    expect(save).to_be_disabled()
+    most.fill("150")
+    most.press("Enter")
+    usual = radius.get_by_label("Usual, m")
+    usual.fill("")
+    usual.press("Enter")
+    Person().shoot(desk, "template-saved")
+    save.click()
+    expect(form.get_by_role("status")).to_contain_text("Search is a template")
+    desk.get_by_role("link", name="All designs").click()
+    templates = desk.get_by_role("list", name="Templates")
+    templates.get_by_role("button", name="Search", exact=True).click()
+    begin = templates.get_by_role("button", name="Begin with it")
+    expect(begin).to_be_disabled()
+    expect(templates.get_by_role("status")).to_have_text("Still to be said: Radius.")
+    field = templates.get_by_label("Radius, m")
+    field.fill("151")
+    field.press("Enter")
+    expect(templates.get_by_role("alert")).to_have_text("It must be at most 150.")
+    field.fill("80")
+    field.press("Enter")
+    Person().shoot(desk, "template-begun")
+    begin.click()
+    kept(desk)
+    expect(desk.get_by_label("Radius, m")).to_have_value("80")
+    desk.get_by_role("link", name="All designs").click()
+    templates.get_by_role("button", name="Delete the template Search").click()
+    templates.get_by_role("button", name="Delete Search", exact=True).click()
+    expect(templates).to_have_count(0)
