@@ -1,6 +1,8 @@
 """Gives the 3D scene what it may draw of each robot."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from server.prediction.predictions import PredictedPath, Predictions, silence_te
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
+    BandView,
     ComparisonView,
     MapView,
     PlanView,
@@ -223,8 +226,11 @@ def _target_path(hand: PlanInHand) -> FloatArray | None:
 
 def _plan_view(hand: PlanInHand, leg_now: int | None) -> PlanView:
     """Return a plan with its legs as the scene draws it: by what it promises."""
+    dry_run = hand.record.document.get("rehearsal") or {}
+    band = _band_view(dry_run.get("band"))
     if hand.expected is None:
-        return PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now, _rehearsed(hand))
+        flown = _rehearsed(dry_run)
+        return PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now, flown, band=band)
     return PlanView(
         hand.plan_id,
         hand.state,
@@ -232,11 +238,30 @@ def _plan_view(hand: PlanInHand, leg_now: int | None) -> PlanView:
         hand.expected,
         leg_now,
         straight_ned=np.array([hand.legs[0].start_ned, *hand.points[:, 1:4].tolist()]),
+        band=band,
     )
 
 
-def _rehearsed(hand: PlanInHand) -> FloatArray | None:
+def _rehearsed(dry_run: Mapping[str, Any]) -> FloatArray | None:
     """Return where the first flight of a plan's dry run went, shape ``(n, 3)``, m."""
-    dry_run = hand.record.document.get("rehearsal") or {}
     flown = np.array(dry_run.get("flown") or [], dtype=np.float64)
     return flown[:, 1:4] if flown.ndim == 2 else None
+
+
+def _band_view(told: Mapping[str, Any] | None) -> BandView | None:
+    """Return where a dry run's flights were, by what ``robot_link.dry_run.FlightBand`` left."""
+    if told is None or not told["along"]:
+        return None
+    along = np.array(told["along"], dtype=np.float64)
+    shallow_m, deep_m = along[:, 7], along[:, 8]
+    ups: list[Mapping[str, Any]] = told["surfacings"]
+    return BandView(
+        level=told["level"],
+        leg=along[:, 0].astype(np.int64),
+        centre_ned=np.column_stack([along[:, 9:11], 0.5 * (shallow_m + deep_m)]),
+        half_axes_m=np.column_stack([along[:, 11:13], 0.5 * (deep_m - shallow_m)]),
+        direction_rad=along[:, 13],
+        surfacing_ne_m=np.array([(one["north_m"], one["east_m"]) for one in ups]).reshape(-1, 2),
+        surfacing_axes_m=np.array([one["ellipse_m"] for one in ups]).reshape(-1, 2),
+        surfacing_rad=np.array([one["ellipse_rad"] for one in ups], dtype=np.float64),
+    )

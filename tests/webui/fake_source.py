@@ -11,6 +11,7 @@ from autonomy.site import LAKE, TANK, Area, Site
 from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
 from webui.scene.source import (
+    BandView,
     ComparisonTrack,
     ComparisonView,
     MapView,
@@ -118,6 +119,9 @@ class FakeSource:
         legs = self._plan.points[:, 1:4]
         points = self._plan.points + np.array([0.0, 0.05, 0.05, 0.0, 0.0])
         self._plan = replace(self._plan, points=points, straight_ned=legs)
+
+    def fly_ahead(self, band: BandView) -> None:
+        self._plan = replace(self._plan, band=band)
 
     def set_plan_state(self, state: str) -> None:
         self._plan = replace(self._plan, state=state)

@@ -1,4 +1,4 @@
-"""The plan that concerns the operator: dashed, with its uncertainty, its legs, its rehearsal."""
+"""The plan that concerns the operator: dashed, with its uncertainty, legs, rehearsal and band."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,6 +6,7 @@ import numpy.typing as npt
 from autonomy.arrays import FloatArray, evenly_spread
 from autonomy.estimation.position import STD_95
 from autonomy.frames import ned_to_enu
+from webui.scene.band import NODES, draw_band
 from webui.scene.colour import PRIMITIVE, REHEARSED, UNCERTAINTY
 from webui.scene.comparison import dashes
 from webui.scene.robot import ring_enu
@@ -79,6 +80,7 @@ class PlannedTrajectory:
         self.legs = Part(stage, (_LEGS, _STRAIGHT))
         self.uncertainty = Part(stage, (HOSE, RINGS))
         self.rehearsal = Part(stage, (_REHEARSAL,))
+        self.band = Part(stage, NODES)
 
     def update(self) -> None:
         """Fetch the plan and draw it if it changed."""
@@ -86,7 +88,7 @@ class PlannedTrajectory:
         if plan is self._shown:
             return
         self._shown = plan
-        for part in (self.legs, self.uncertainty, self.rehearsal):
+        for part in (self.legs, self.uncertainty, self.rehearsal, self.band):
             part.clear()
         if plan is not None and len(plan.points) > 1 and plan.state in _PROMISES:
             self._draw(plan)
@@ -104,6 +106,9 @@ class PlannedTrajectory:
         self.uncertainty.is_drawn()
         if plan.rehearsed_ned is not None and len(plan.rehearsed_ned) > 1:
             self._draw_rehearsal(plan.rehearsed_ned)
+        if plan.band is not None:
+            draw_band(self._stage, plan.band)
+            self.band.is_drawn()
 
     def _draw_straight(self, legs_ned: FloatArray) -> None:
         segments = ned_to_enu(np.stack([legs_ned[:-1], legs_ned[1:]], axis=1))

@@ -61,6 +61,7 @@ class RobotScene:
             "drift": LayerEntry("Drift", self._track.drift),
             "plan": LayerEntry("Plan", self._plan.legs),
             "uncertainty": LayerEntry("Planned uncertainty", self._plan.uncertainty),
+            "band": LayerEntry("Band of flights", self._plan.band),
             "rehearsal": LayerEntry("Rehearsed track", self._plan.rehearsal),
             "target": LayerEntry("Target", self._target),
             "predicted": LayerEntry("Predicted place", self._predicted),

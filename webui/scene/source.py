@@ -53,6 +53,29 @@ class TrackPiece:
 
 
 @dataclass(frozen=True, slots=True)
+class BandView:
+    """Where most of the flights of a plan's dry run were."""
+
+    level: float
+    """Part of the flights that it holds, 0..1."""
+    leg: IntArray
+    """Leg of each station along the track, shape ``(n,)``, ascending."""
+    centre_ned: FloatArray
+    """Middle of each station, shape ``(n, 3)``, m."""
+    half_axes_m: FloatArray
+    """Half axes of each station: the longer and the shorter of its horizontal ellipse, and the
+    vertical one, shape ``(n, 3)``, m."""
+    direction_rad: FloatArray
+    """Of the longer axis, from north towards east, shape ``(n,)``."""
+    surfacing_ne_m: FloatArray
+    """Mean place of each surfacing, shape ``(k, 2)``, m."""
+    surfacing_axes_m: FloatArray
+    """Half axes of its ellipse, the longer first, shape ``(k, 2)``, m."""
+    surfacing_rad: FloatArray
+    """Direction of the longer one, shape ``(k,)``."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlanView:
     """The plan that concerns the operator now: running, on board, sent or newest draft."""
 
@@ -69,6 +92,8 @@ class PlanView:
     """Where a single rehearsal against the full dynamics went, shape ``(n, 3)``, m."""
     straight_ned: FloatArray | None = None
     """The legs that the robot gets, shape ``(n, 3)``, m, where another track is expected."""
+    band: BandView | None = None
+    """Where the flights of its dry run were; ``None`` where it was not flown often enough."""
 
 
 @dataclass(frozen=True, slots=True)
