@@ -7,12 +7,6 @@ export interface Ellipse {
   directionRad: number;
 }
 
-/** An ellipse at a place of a site. */
-export interface PlacedEllipse extends Ellipse {
-  north: number;
-  east: number;
-}
-
 /** Chi-squared of two degrees of freedom at 95 %. */
 const CHI_SQUARED_95 = 5.991464547107979;
 

@@ -6,6 +6,8 @@ import { arrowLines, ellipseLine, flowText, scaleOf, told } from './flow_arrow';
 import { BaseLayer } from './base_layer';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
+import type { BandShape } from './flight_band';
+import { bandRenderer, drawBand } from './site_band';
 import { boundsOf, drawFrame, plain } from './site_frame';
 import { SiteDesign, type DesignHandlers, type DesignPicture } from './site_design';
 import { drawDepth, drawField, type FieldLevel } from './site_picture';
@@ -24,6 +26,7 @@ export type LayerKey =
   | 'flow'
   | 'track'
   | 'plan'
+  | 'band'
   | 'predicted'
   | 'places'
   | 'others';
@@ -54,8 +57,8 @@ export interface MapHandlers {
   onview: (view: MapView) => void;
 }
 
-/** From the lowest: the water, pictures of the ground, its depth, a field of the water. */
-const PANES = { water: 210, base: 220, depth: 230, field: 240 } as const;
+/** From the lowest: the water, pictures of the ground, its depth, a field of the water, a band. */
+const PANES = { water: 210, base: 220, depth: 230, field: 240, band: 300 } as const;
 /**
  * A site seen from above, north up, in metres of its own north-east frame.
  *
@@ -69,6 +72,7 @@ export class SiteDrawing {
   readonly #comesUp = L.layerGroup();
   readonly #rehearsed = L.layerGroup();
   readonly #expected = L.layerGroup();
+  readonly #bands = bandRenderer('band');
   readonly #silent = new SitePredicted();
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
@@ -113,6 +117,7 @@ export class SiteDrawing {
       keepouts: this.#areas.group,
       flow: L.layerGroup(),
       track: L.layerGroup(),
+      band: L.layerGroup(),
       predicted,
       plan: L.layerGroup(),
       places: L.layerGroup(),
@@ -283,6 +288,11 @@ export class SiteDrawing {
         .bindTooltip('Start of the plan')
         .addTo(plan);
     }
+  }
+
+  /** Where most flights of a plan’s rehearsal were, and where they came up. */
+  showBand(shape: BandShape | null): void {
+    drawBand(this.#groups.band, shape, 'band', this.#bands);
   }
 
   /** Another plan over the first, such as a runner-up that is pointed at. */

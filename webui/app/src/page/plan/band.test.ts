@@ -1,17 +1,20 @@
 import { describe, expect, it } from 'vitest';
 
 import type { FlightBand } from '../../api/types';
-import { bandEllipses, bandPicture, chances, likely, LOW } from './band';
+import { bandCurves, chances, chanceSentence, neverText, ofFlights, oneIn } from './band';
 
 type Row = FlightBand['over_time'][number];
 const row = (time: number, charge: readonly [number, number, number]): Row => [
-  ...([time, 0, 0, 0, 0, 0, 0, 0, 0.5, 1] as const),
+  ...([time, 0, 0, 0, 0, 0, 0, 1, 2, 3] as const),
   ...charge,
   1,
 ];
 const band: FlightBand = {
   level: 0.9,
-  along: [[0, 10, 30, 0, 2, 0, 3, 0, 1, 1, 1.5, 0.8, 0.4, 0.3, 1]],
+  along: [
+    [0, 10, 30, 0, 2, 0, 3, 0, 1, 1, 1.5, 0.8, 0.4, 0.3, 1],
+    [0, 20, 60, 0, 2, 0, 3, 0, 1, 1, 1.5, 1.6, 0.4, 0.3, 1],
+  ],
   over_time: [row(0, [1, 1, 1]), row(100, [0.8, 0.85, 0.9])],
   surfacings: [],
   battery_end: [0.8, 0.85, 0.9],
@@ -21,35 +24,53 @@ const band: FlightBand = {
   leaves_domain: 0.5,
   touches: [{ name: 'reeds', share: 0.25 }],
   not_back: 0.015,
-  outcomes: [{ name: 'flew the whole mission', share: 0.985 }],
+  outcomes: [
+    { name: 'ran out of time', share: 0.015 },
+    { name: 'flew the whole mission', share: 0.985 },
+  ],
   dives_cut: 0,
 };
+const safe: FlightBand = { ...band, touches: [], not_back: 0, leaves_domain: 0 };
 
 describe('the band of a rehearsal', () => {
-  it('has an ellipse for each place along the legs', () => {
-    expect(bandEllipses(band)).toEqual([
-      { north: 1, east: 1.5, longM: 0.8, shortM: 0.4, directionRad: 0.3 },
+  it('has depth, distance and charge along time', () => {
+    const curves = bandCurves(band);
+    expect(curves.map(({ title }) => title)).toEqual(['Depth', 'Beside the track', 'Charge']);
+    expect(curves.map(({ moments }) => moments.at(-1))).toEqual([
+      { t: 100, values: [1, 2, 3] },
+      { t: 60, values: [0, 1.6, 1.6] },
+      { t: 100, values: [80, 85, 90] },
     ]);
-    expect(bandEllipses(null)).toEqual([]);
+    expect(bandCurves({ ...band, along: [], over_time: [] })).toEqual([]);
   });
 
-  it('is drawn between its low and its high along time', () => {
-    const picture = bandPicture(band.over_time, LOW.charge, false);
-    expect(picture).toEqual({
-      area: 'M0.0000 0.0000L1.0000 0.5000L1.0000 1.0000L0.0000 0.0000Z',
-      middle: 'M0.0000 0.0000L1.0000 0.7500',
-      least: 0.8,
-      most: 1,
-    });
-    expect(bandPicture(band.over_time.slice(0, 1), LOW.charge, false)).toBeNull();
+  it('tells chances as one would say them, and of how many flights', () => {
+    const told = chances(band).map(({ what, share }) => [
+      what,
+      oneIn(share),
+      ofFlights(share, 200),
+    ]);
+    expect(told).toEqual([
+      ['Does not come back as planned', '1 in 67', '3 of 200 flights'],
+      ['Leaves the water', 'none', 'of 200 flights'],
+      ['Enters reeds', '3 in 10', '50 of 200 flights'],
+      ['Cuts a dive short', 'none', 'of 200 flights'],
+      ['Leaves the surveyed box', '5 in 10', '100 of 200 flights'],
+    ]);
+    expect([0.05, 0.96, 1].map(oneIn)).toEqual(['1 in 20', 'nearly all', 'all']);
+    expect(chances(band)[0]?.help).toContain('99 % flew the whole mission, 1.5 % ran out of time');
   });
 
-  it('tells chances by as many flights as there were', () => {
-    expect(chances(band).map((each) => [each.what, likely(each.share, 200)])).toEqual([
-      ['Not back as planned', '1.5 %'],
-      ['Leaves the water', 'below 0.5 %'],
-      ['In reeds', '25 %'],
-      ['A dive cut short', 'below 0.5 %'],
-    ]);
+  it('takes none of so many flights for no proof', () => {
+    expect(neverText(200)).toContain('fewer than 1.5 %');
+    expect(neverText(24)).toContain('fewer than 12 %');
+  });
+
+  it('is told in a line', () => {
+    expect(chanceSentence(band, 200)).toBe(
+      'Of 200 flights ahead 1 in 67 does not come back as planned, 3 in 10 enter reeds, ' +
+        '5 in 10 leave the surveyed box.',
+    );
+    expect(chanceSentence(safe, 200)).toBe('In 200 flights ahead nothing went wrong.');
   });
 });

@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import type { JsonObject, Leg, Rehearsal } from '../../api/types';
+import type { FlightBand, JsonObject, Leg, Rehearsal } from '../../api/types';
 import { expectedWays } from '../../chart/path';
 import { Draft } from '../../form/draft.svelte';
 import { areasOf, currentOf, numberOf } from './config';
@@ -78,6 +78,20 @@ describe('a rehearsal', () => {
     const beside = rehearsalSentence(rehearsal({ rms_error_m: 0.45 }), domain);
     expect(beside.isGood).toBe(false);
     expect(beside.text).toContain('Does it fly the plan? Not well: 0.45 m beside the plan');
+    const safe = {
+      not_back: 0,
+      leaves_water: 0,
+      leaves_domain: 0,
+      dives_cut: 0,
+      touches: [],
+      outcomes: [],
+    } as unknown as FlightBand;
+    const risky = rehearsal({ band: { ...safe, leaves_water: 0.1 } });
+    expect(rehearsalSentence(risky, domain)).toEqual({
+      text: 'Its rehearsal asks: Of its flights 1 in 10 leaves the water.',
+      isGood: false,
+    });
+    expect(rehearsalSentence(rehearsal({ band: safe }), domain).isGood).toBe(true);
     expect(rehearsalSentence(rehearsal({ completed: false }), domain).isGood).toBe(false);
     expect(rehearsalSentence(rehearsal({ state: 'skipped' }), domain).text).toBe('Not rehearsed.');
     expect(rehearsalSentence(null, domain)).toEqual({ text: '', isGood: true });

@@ -1,5 +1,6 @@
 import type { Box, Rehearsal } from '../../api/types';
 import { compact } from '../../text/unit';
+import { badChances } from './band';
 import type { Tone } from '../../text/word';
 
 const WORDS: Record<Rehearsal['state'], { text: string; tone: Tone }> = {
@@ -78,8 +79,12 @@ export function rehearsalSentence(rehearsal: Rehearsal | null | undefined, domai
   const bad = [straying(rehearsal, domain), knowing(rehearsal)].filter(
     (each) => each !== null && !each.isGood,
   );
-  if (bad.length === 0) return { text: 'Rehearsed well.', isGood: true };
-  const told = bad.map((each) => `${each?.question} ${each?.answer}: ${each?.verdict}.`);
+  const risks = badChances(rehearsal.band);
+  if (bad.length + risks.length === 0) return { text: 'Rehearsed well.', isGood: true };
+  const told = [
+    ...bad.map((each) => `${each?.question} ${each?.answer}: ${each?.verdict}.`),
+    ...(risks.length > 0 ? [`Of its flights ${risks.join(', ')}.`] : []),
+  ];
   return { text: `Its rehearsal asks: ${told.join(' ')}`, isGood: false };
 }
 
