@@ -2,7 +2,7 @@ import { readFileSync } from 'node:fs';
 import { describe, expect, test } from 'vitest';
 import { convergence, northEast, wgs84 } from './frame';
 import { latitude, longitude } from './position';
-import { age, clockTime, countdown, dateTime, duration } from './time';
+import { age, clockTime, countdown, dateTime, duration, parseUtc, typedUtc } from './time';
 import {
   bytes,
   compact,
@@ -198,4 +198,28 @@ test('an old report is told with its age, beside a link that may be live', () =>
 test('a deviation of a logarithm is told as a factor', () => {
   expect(factorText(0)).toBe('×1.00');
   expect(factorText(Math.log(2))).toBe('×2.00');
+});
+
+describe('a moment that is typed', () => {
+  const NOW = Date.parse('2026-11-21T14:31:10Z');
+
+  test('is UTC in every notation of it', () => {
+    const at = Date.parse('2026-11-22T04:05:00Z');
+    for (const text of ['2026-11-22 04:05', '2026-11-22T04:05:00Z', ' 2026-11-22  4:05z ']) {
+      expect(parseUtc(text, NOW)).toBe(at);
+    }
+    expect(parseUtc(typedUtc(at + 7000), NOW)).toBe(at + 7000);
+    expect(typedUtc(at)).toBe('2026-11-22 04:05');
+  });
+
+  test('is the next one where no day is said', () => {
+    expect(parseUtc('14:32', NOW)).toBe(Date.parse('2026-11-21T14:32:00Z'));
+    expect(parseUtc('14:31', NOW)).toBe(Date.parse('2026-11-22T14:31:00Z'));
+  });
+
+  test('is none where there is no such moment', () => {
+    for (const text of ['', '2026-11-22', '24:00', '2026-02-30 10:00', '11/22/2026 4:05 PM']) {
+      expect(parseUtc(text, NOW)).toBeNull();
+    }
+  });
 });

@@ -29,6 +29,35 @@ export function dateTime(at: number | string | null): string {
   return at === null ? '–' : `${clockDate(at)} ${clockTime(at)}`;
 }
 
+const MINUTE_MS = 60_000;
+const DAY_MS = 86_400_000;
+
+/**
+ * A moment as a person types it, UTC: `2026-11-21 14:32`, also with `T`, seconds or `Z`.
+ *
+ * A time alone, `14:32`, is the next one after now. `null` for what is none, such as 25:00.
+ */
+export function parseUtc(text: string, now: number): number | null {
+  const found =
+    /^(?:(\d{4}-\d{2}-\d{2})(?:[ T]+|$))?(?:(\d{1,2}):(\d{2})(?::(\d{2}))?\s*[zZ]?)$/.exec(
+      text.trim(),
+    );
+  if (!found) return null;
+  const [, day, hour = '', minute = '', second = '0'] = found;
+  if (Number(hour) > 23 || Number(minute) > 59 || Number(second) > 59) return null;
+  const midnight = Date.parse(`${day ?? clockDate(now)}T00:00:00Z`);
+  if (Number.isNaN(midnight) || (day !== undefined && clockDate(midnight) !== day)) return null;
+  const at = midnight + (Number(hour) * 60 + Number(minute)) * MINUTE_MS + Number(second) * 1000;
+  return day === undefined && at <= now ? at + DAY_MS : at;
+}
+
+/** 2026-11-21 14:32, as it is typed: seconds only where there are some. */
+export function typedUtc(at: number | string): string {
+  const ms = new Date(at).getTime();
+  if (Number.isNaN(ms)) return '';
+  return dateTime(ms).slice(0, ms % MINUTE_MS === 0 ? 16 : 19);
+}
+
 /** Age of a value; steps of a second, so that it does not flicker. */
 export function age(seconds: number | null): string {
   if (seconds === null || !Number.isFinite(seconds)) return 'never heard';

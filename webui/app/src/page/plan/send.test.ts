@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { Plan, RobotLink, SatelliteQuote } from '../../api/types';
-import { priceText, reservations, sizesText, wayOf } from './send';
+import { priceText, reservations, sizesText, startText, wayOf } from './send';
 
 const RADIO = { kind: 'radio', carrier: 'xbee', state: 'live', is_plugged: true } as RobotLink;
 const SPACE = { kind: 'satellite', carrier: 'rockblock', is_plugged: true } as RobotLink;
@@ -63,5 +63,20 @@ describe('what speaks against sending a draft', () => {
 
   test('does not concern a plan that has left the station', () => {
     expect(reservations({ ...draft, state: 'running' })).toEqual([]);
+  });
+});
+
+describe('when a plan starts', () => {
+  const who = { robot: 'Mini', plan: 'plan 7', aboard: 'plan 3', isFlying: false };
+
+  test('is said for a robot that rests, and for one that flies', () => {
+    expect(startText(who, 'now')).toMatch(/^Mini keeps plan 3 until .* starts plan 7 by itself/);
+    const flying = startText({ ...who, isFlying: true }, 'now');
+    expect(flying).toContain('waits on board and starts at the next surfacing');
+  });
+
+  test('is told from when it is sent', () => {
+    const later = startText({ ...who, aboard: null }, 'time');
+    expect(later).toMatch(/^Once it is sent, Mini keeps what it has/);
   });
 });

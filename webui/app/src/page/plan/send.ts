@@ -3,7 +3,30 @@ import { shownState } from '../../part/link_state';
 import { carrierName } from '../../text/word';
 
 /** When a plan is sent. */
-export type When = 'now' | 'surfacing' | 'time' | 'value';
+export type When = 'now' | 'surfacing' | 'time' | 'value' | 'after';
+
+/** When it is sent and when it starts, for whoever is about to send it; `name` is of the plan. */
+export function startText(
+  {
+    robot,
+    plan,
+    aboard,
+    isFlying,
+  }: Record<'robot' | 'plan', string> & {
+    /** Plan that the robot has. */
+    aboard: string | null;
+    isFlying: boolean;
+  },
+  when: When,
+): string {
+  const kept = `${robot} keeps ${aboard ?? 'what it has'} until it has the whole of ${plan} and answers with its fingerprint.`;
+  if (when !== 'now') {
+    return `Once it is sent, ${kept} Then ${plan} starts: at once if ${robot} is idle, else at its next surfacing.`;
+  }
+  return isFlying
+    ? `${kept} Then ${plan} waits on board and starts at the next surfacing, between two dives.`
+    : `${kept} Then ${robot} starts ${plan} by itself, without another order.`;
+}
 
 /** Limits that keep a robot in safe water. */
 const OUT_OF_BOUNDS = ['domain', 'keep_outs'];
