@@ -22,6 +22,7 @@ from autonomy.design.document import (
 )
 from autonomy.design.reference import turns_of
 from autonomy.design.yo_yo import Line, turning_depths
+from autonomy.planner.approach import swim_to
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift, primitive
 from autonomy.planner.leg.edge import AIMS
@@ -398,9 +399,7 @@ def way_there(
     Raises:
         ValueError: If the current is too strong to swim against.
     """
-    if not waypoints or math.dist(robot_ne_m, waypoints[0].ne_m) < _SAME_PLACE_M:
-        return None
-    return primitive.swim(config, (*robot_ne_m, 0.0), (*waypoints[0].ne_m, 0.0))
+    return swim_to(config, robot_ne_m, waypoints[0].ne_m) if waypoints else None
 
 
 def with_patience(config: PlannerConfig, way: Leg | None) -> PlannerConfig:

@@ -21,6 +21,7 @@ _INSET_SHARE = 0.05
 _GOALS_MAX = 4
 _GOAL_SPACING_CELLS = 12
 _LEAST_LEFT = 1e-3
+_SAME_PLACE_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,19 @@ class Approach:
     def end_xy(self) -> NorthEast:
         """Where the plan begins."""
         return self.legs[-1].end_ned[:2] if self.legs else self.start_xy
+
+
+def swim_to(config: PlannerConfig, robot_ne_m: NorthEast, first_ne_m: NorthEast) -> Leg | None:
+    """Return the swim at the surface to where a plan begins; None where the robot is there.
+
+    No plan has it among its legs: the robot swims there by itself before it begins.
+
+    Raises:
+        ValueError: If the current is too strong to swim against.
+    """
+    if math.dist(robot_ne_m, first_ne_m) < _SAME_PLACE_M:
+        return None
+    return primitive.swim(config, (*robot_ne_m, 0.0), (*first_ne_m, 0.0))
 
 
 def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None) -> Approach:

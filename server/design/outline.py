@@ -37,6 +37,7 @@ from server.design.view import (
     OutlineWaypointView,
     WayThereView,
 )
+from server.plan.document import way_there_view
 from server.satellite.cost import mission_credits
 
 _J_PER_WH = 3600.0
@@ -206,8 +207,7 @@ def _way(found: Outline, around: Surroundings) -> tuple[WayThereView | None, lis
         return None, [OutlineNoteView(0, f"On the way to the first waypoint the {error}.")]
     if leg is None:
         return None, []
-    view = same(WayThereView, leg, distance_m=math.dist(leg.start_ned[:2], leg.end_ned[:2]))
-    return view, []
+    return way_there_view(leg), []
 
 
 def patient(found: Outline, around: Surroundings) -> PlannerConfig:

@@ -9,6 +9,7 @@ from pydantic import Field
 from autonomy.design.document import Design
 from autonomy.planner.plan import PrimitiveKind
 from server.base.view import Body, View, one_of
+from server.plan.view import WayThereView
 
 Change = Annotated[str, one_of("same", "moved", "changed", "added", "removed")]
 
@@ -125,16 +126,6 @@ class OutlineNoteView(View):
 
     waypoint: int | None
     message: str
-
-
-@dataclass(frozen=True, slots=True)
-class WayThereView(View):
-    """The swim from where the robot says that it is to the first waypoint."""
-
-    start_ned: tuple[float, float, float]
-    distance_m: float
-    duration_s: float
-    energy: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.energy_use import EnergyEstimate, Use
+from autonomy.planner.approach import swim_to
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.plan import Leg
 from autonomy.tracking.config import TrackingConfig
@@ -17,6 +18,7 @@ from server.base.foundation import Foundation
 from server.battery.battery_use import Battery, BatteryUse
 from server.battery.flown import hours_of_legs
 from server.fleet.fleet import Fleet
+from server.fleet.status import RobotStatus
 from server.plan.target_account import dives_of, is_deep
 from server.plan.view import BatteryView, ViolationView
 
@@ -44,17 +46,22 @@ class PlanBattery:
     async def of_legs(
         self, robot: str, config: PlannerConfig, legs: Sequence[Leg], duration_s: float
     ) -> BatteryView | None:
-        """Return what a plan with legs takes, ``None`` for a robot of an unknown vehicle."""
+        """Return what a plan with legs takes, and the way there from where the robot is now.
+
+        ``None`` for a robot of an unknown vehicle.
+        """
         battery = await self._batteries.of(robot)
         if battery is None or not legs:
             return None
         home = await self._batteries.home_ne_m(robot)
         end = legs[-1].end_ned
-        way = WayHome()
+        back = WayHome()
         if home is not None:
             distance_m = math.dist(home, end[:2])
-            way = WayHome(distance_m, distance_m / config.primitives.swim_speed_m_s / _S_PER_H)
-        return battery_of_legs(battery, legs, duration_s, way, config.energy)
+            back = WayHome(distance_m, distance_m / config.primitives.swim_speed_m_s / _S_PER_H)
+        there = way_there(self._fleet.status(robot), config, legs)
+        there_s = 0.0 if there is None else there.duration_s
+        return battery_of_legs(battery, legs, duration_s, back, config.energy, there_s=there_s)
 
     async def of_target(self, robot: str, config: TrackingConfig) -> BatteryView | None:
         """Return what a plan that follows a target takes, ``None`` as ``of_legs``."""
@@ -65,12 +72,29 @@ class PlanBattery:
         return battery_of_target(config, planner, vehicle, battery)
 
 
+def way_there(status: RobotStatus, config: PlannerConfig, legs: Sequence[Leg]) -> Leg | None:
+    """Return the swim to where legs begin, from where the robot is or comes up next.
+
+    ``None`` where it is there, has not said where it is, or cannot swim against the current: that
+    the plan's legs say.
+    """
+    begins_ne_m = status.begins_ne_m()
+    if begins_ne_m is None:
+        return None
+    try:
+        return swim_to(config, begins_ne_m, legs[0].start_ned[:2])
+    except ValueError:
+        return None
+
+
 def battery_of_legs(
     battery: Battery,
     legs: Sequence[Leg],
     duration_s: float,
     home: WayHome,
     prices: EnergyConfig,
+    *,
+    there_s: float = 0.0,
 ) -> BatteryView:
     """Return what a plan with legs takes.
 
@@ -80,8 +104,10 @@ def battery_of_legs(
         duration_s: How long it takes, surfacings included.
         home: The way from its end.
         prices: By which the legs' energies were counted.
+        there_s: How long the robot swims before it begins.
     """
     hours = hours_of_legs(legs, duration_s, prices)
+    hours[Use.SWIM] += there_s / _S_PER_H
     dives = 1 + sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
     return _view(battery, hours, dives, home)
 

@@ -1,5 +1,6 @@
 """A plan as the document that the database keeps, and back."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -42,6 +43,7 @@ from server.plan.view import (
     RunnerUpView,
     SurfacingBandView,
     ViolationView,
+    WayThereView,
 )
 from server.satellite.cost import mission_credits
 
@@ -52,6 +54,8 @@ _RULES = "surfacing_rules"
 SEARCHED_OBJECTIVE = "searched_objective"
 """What the search itself took a trajectory to be worth; documents of earlier versions lack it."""
 _DECIMALS = 4
+_PARTS = ("battery", "way_there")
+_WAY_THERE = TypeAdapter(WayThereView)
 _LEGS = TypeAdapter(tuple[Leg, ...])
 
 
@@ -78,6 +82,8 @@ class Draft:
     """By which sending it by satellite is charged."""
     battery: BatteryView | None = None
     """What it takes from the robot's battery, ``None`` where nobody knows."""
+    way_there: Leg | None = None
+    """From where the robot was, ``None`` where it was there, or where that is not known."""
 
     def renamed(self) -> Self:
         """Return the same trajectory under another name: the robot waits a second longer.
@@ -116,10 +122,16 @@ def draft_document(draft: Draft) -> dict[str, Any]:
                 satellite_bytes=draft.satellite_bytes,
                 energy_wh=draft.energy_wh,
                 battery=draft.battery,
+                way_there=None if draft.way_there is None else way_there_view(draft.way_there),
             )
         ),
         "violations": [asdict(violation) for violation in draft.violations],
     }
+
+
+def way_there_view(way: Leg) -> WayThereView:
+    """Return the swim to where a plan begins as it is shown."""
+    return same(WayThereView, way, distance_m=math.dist(way.start_ned[:2], way.end_ned[:2]))
 
 
 def search_document(
@@ -334,9 +346,13 @@ def account_of(document: Mapping[str, Any]) -> AccountView | None:
     account = document.get("account")
     if account is None:
         return None
-    others = {name: value for name, value in account.items() if name != "battery"}
-    battery = account.get("battery")
-    view = AccountView(**others, battery=None if battery is None else BatteryView(**battery))
+    battery, way = account.get("battery"), account.get("way_there")
+    figures = {name: value for name, value in account.items() if name not in _PARTS}
+    view = AccountView(
+        **figures,
+        battery=None if battery is None else BatteryView(**battery),
+        way_there=None if way is None else _WAY_THERE.validate_python(way),
+    )
     expected = expected_of(document)
     if expected is None:
         return view

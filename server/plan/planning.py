@@ -27,7 +27,7 @@ from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
 from server.plan.ahead import remaining_s
-from server.plan.battery import PlanBattery, battery_violations
+from server.plan.battery import PlanBattery, battery_violations, way_there
 from server.plan.document import (
     Draft,
     draft_document,
@@ -547,7 +547,12 @@ class Planning:
         legs = draft.mission.legs
         battery = await self._battery.of_legs(robot, config, legs, draft.duration_s)
         lasts = battery_violations(robot, battery)
-        return replace(draft, battery=battery, violations=(*draft.violations, *lasts))
+        return replace(
+            draft,
+            battery=battery,
+            way_there=way_there(self._fleet.status(robot), config, legs),
+            violations=(*draft.violations, *lasts),
+        )
 
 
 async def _done(work: Coroutine[Any, Any, object]) -> None:

@@ -67,8 +67,18 @@ class BatteryView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class WayThereView(View):
+    """The swim from where a robot is, or comes up next, to where a plan begins: no leg of it."""
+
+    start_ned: tuple[float, float, float]
+    distance_m: float
+    duration_s: float
+    energy: float
+
+
+@dataclass(frozen=True, slots=True)
 class AccountView(View):
-    """What a plan costs."""
+    """What the legs of a plan cost, and beside them the way to the first one."""
 
     energy: float
     duration_s: float
@@ -95,6 +105,9 @@ class AccountView(View):
     planned."""
     planned_duration_s: float | None = None
     """What the legs take by the planner's account, where a track is expected."""
+    way_there: WayThereView | None = None
+    """From where the robot was when the plan was made; ``null`` where it was there, or had not said
+    where it is. The battery pays for it."""
 
 
 @dataclass(frozen=True, slots=True)

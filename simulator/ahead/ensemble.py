@@ -52,8 +52,9 @@ _LOOK_S = 0.1
 """Time between two questions whether to go on."""
 
 LEFT_OUT = (
-    "Not rehearsed: orders of people (hold, surface), calls by satellite and samples that wait at "
-    "the surface, instruments and actuators that fail, and whatever else is in the water."
+    "Not rehearsed: the swim to where the plan begins, orders of people (hold, surface), calls by "
+    "satellite and samples that wait at the surface, instruments and actuators that fail, and "
+    "whatever else is in the water."
 )
 LEFT_OUT_RULES = " Its rules to come up by measured values or waiting samples are not either."
 
