@@ -1,9 +1,9 @@
 """Plans are asked for here, whatever their kind, and drafts exchanged for others."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from fastapi import APIRouter, Depends
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from autonomy.planner.plan import PrimitiveKind
 from server.access.dependency import Pilot
@@ -42,6 +42,14 @@ class SurveyPlanRequest(Body):
     config: PartialConfig = Field(default_factory=dict)
     mission: str | None = None
     """A mission that waits for its start: the plan takes the place of its newest draft."""
+    keep_settings: bool = True
+    """Whether the settings hold for the robot's later plans too, as those of a mission do."""
+
+    @model_validator(mode="after")
+    def _keeps_what_a_mission_flies_by(self) -> Self:
+        if self.mission is not None and not self.keep_settings:
+            raise ValueError("a mission keeps its settings: leave keep_settings out")
+        return self
 
 
 FAR_M = 1e6
@@ -127,6 +135,10 @@ async def create_plan(
         return PlanIdView(plan.id)
     if isinstance(body, TargetPlanRequest):
         plan = await targets.plan(robot, body.config, by=caller.name, base=body.base)
+        return PlanIdView(plan.id)
+    if isinstance(body, SurveyPlanRequest) and not body.keep_settings:
+        config = await planning.settings.merged(robot, body.config)
+        plan = await planning.plan_survey(SearchRequest(robot, config, None, by=caller.name))
         return PlanIdView(plan.id)
     config_id, config = await planning.configure(robot, body.config, by=caller.name)
     if isinstance(body, PrimitivesPlanRequest):

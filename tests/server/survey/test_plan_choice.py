@@ -233,3 +233,23 @@ async def test_killed_planning_process_leaves_the_draft_that_it_searched_on_from
     failed = await plan_in(client, new, "failed")
     assert "nothing was changed" in failed["message"]
     assert (await client.get(f"/api/plans/{old['id']}")).json() == before
+
+
+async def test_a_plan_by_settings_of_its_own_leaves_the_robots_settings(client, workers):
+    path, robot = "/api/config/planner", {"robot": "mini-1"}
+    before = (await client.get(path, params=robot)).json()
+    body = {"kind": "adaptive_survey", "config": {**FAST, "round_budget": 3.5}}
+    wish = {**body, "keep_settings": False}
+    made = (await client.post("/api/robots/mini-1/plans", json=wish)).json()["id"]
+    draft = await plan_in(client, made, "draft")
+    assert draft["config"]["round_budget"] == 3.5
+    assert draft["config_id"] is None
+    assert (await client.get(path, params=robot)).json() == before
+
+
+async def test_a_mission_has_no_settings_that_are_not_kept(client, workers):
+    mission = await waiting_survey(client)
+    wish = {"kind": "adaptive_survey", "mission": mission["id"], "keep_settings": False}
+    answer = await client.post("/api/robots/mini-1/plans", json=wish)
+    assert answer.status_code == 422
+    assert "keep_settings" in answer.text

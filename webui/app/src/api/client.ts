@@ -197,6 +197,15 @@ export class Api {
     );
 
   /** Make a plan that follows a target, which takes no search; nothing is sent. */
+  /** A survey of one round by settings that hold for this plan alone. */
+  planSurvey = (robot: string, config: JsonObject) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/plans', {
+        ...of({ robot }),
+        body: { kind: 'adaptive_survey', config, keep_settings: false },
+      }),
+    );
+
   createPlan = (robot: string, kind: 'track_target', config: JsonObject) =>
     told(
       this.#http.POST('/api/robots/{robot}/plans', { ...of({ robot }), body: { kind, config } }),
