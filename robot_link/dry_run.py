@@ -121,7 +121,7 @@ class SurfacingBand:
     time_s: tuple[float, float, float]
     """Low, median and high of the band, s since the start."""
     north_m: float
-    """Of the mean place."""
+    """Of the middle of the ellipse."""
     east_m: float
     ellipse_m: tuple[float, float]
     """Half axes of the ellipse that holds the band's part of them, the longer first."""
@@ -140,8 +140,8 @@ class FlightBand:
     along: FloatArray
     """Along the legs, a row for each of a few shares of each leg, shape ``(n, 15)``: leg, time of
     the plan s, median time since the start s; low and high of north, of east and of depth m; north
-    and east of the mean m; half axes of the ellipse m, the longer first, and its direction rad;
-    part of the flights that came so far."""
+    and east of the middle of the ellipse m; its half axes m, the longer first, and its direction
+    rad; part of the flights that came so far."""
     over_time: FloatArray
     """A row a moment, shape ``(m, 14)``: time since the start s; low, median and high of north, of
     east, of depth m, and of the charge 0..1; part of the flights under way. A flight that has ended

@@ -200,7 +200,7 @@ class SurfacingBandView(View):
     time_s: Annotated[list[float], numbers(3)]
     """Low, median and high of the band, s since the start."""
     north_m: float
-    """Of the mean place."""
+    """Of the middle of the ellipse."""
     east_m: float
     ellipse_m: Annotated[list[float], numbers(2)]
     """Half axes of the ellipse that holds the band's part of them, the longer first."""
@@ -218,8 +218,8 @@ class FlightBandView(View):
     """Part of the flights that a band holds, 0..1."""
     along: list[Annotated[list[float], numbers(15)]]
     """Along the legs: leg, time of the plan s, median time since the start s; low and high of
-    north, of east and of depth m; north and east of the mean m; half axes of the ellipse m, the
-    longer first, and its direction rad; part of the flights that came so far."""
+    north, of east and of depth m; north and east of the middle of the ellipse m; its half axes
+    m, the longer first, and its direction rad; part of the flights that came so far."""
     over_time: list[Annotated[list[float], numbers(14)]]
     """Along time: time since the start s; low, median and high of north, of east, of depth m, and
     of the charge 0..1; part of the flights under way."""

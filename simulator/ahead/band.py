@@ -28,6 +28,9 @@ LEVEL: Final = 0.9
 _QUANTILES = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
 _ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - LEVEL))
 """Half axis of the ellipse that holds that part of a Gaussian, in standard deviations."""
+_MANY = 20
+"""So many places tell the shape of the part of them that lies closest together."""
+_STEPS = 6
 _POINTS_MAX = 600
 _SHARES_MAX = 7
 _MOMENTS = 121
@@ -110,12 +113,42 @@ def _point(here: FloatArray) -> list[float]:
 def ellipse(places: FloatArray) -> tuple[float, float, float, float, float]:
     """Return the ellipse that holds the band's part of places: centre, half axes, direction.
 
-    The longer half axis comes first; the direction is its own, from north towards east, rad.
+    Few places are taken for Gaussian ones. Of many it is the tight ellipse around the part of them
+    that lies closest together, as wide as it must be to hold that part: some flights that are lost
+    do not widen it.
+
+    Args:
+        places: North and east, shape ``(n, 2)``, m; two at least.
+
+    Returns:
+        North and east of its centre, half axes, the longer first, m; its direction, from north
+        towards east, rad.
+
+    Source:
+        Rousseeuw and Van Driessen (1999), A fast algorithm for the minimum covariance determinant
+        estimator, Technometrics 41: the concentration step.
     """
-    north, east = places.mean(axis=0).tolist()
-    values, axes = np.linalg.eigh(np.atleast_2d(np.cov(places.T)))
-    short, long = (_ELLIPSE * np.sqrt(np.maximum(values, 0.0))).tolist()
+    centre, covariance = places.mean(axis=0), np.cov(places.T)
+    width = _ELLIPSE
+    if len(places) >= _MANY:
+        kept = math.ceil(LEVEL * len(places))
+        for _ in range(_STEPS):
+            core = places[np.argsort(_squares(places, centre, covariance))[:kept]]
+            centre, covariance = core.mean(axis=0), np.cov(core.T)
+        squares = _squares(places, centre, covariance)
+        width = math.sqrt(float(np.partition(squares, kept - 1)[kept - 1]))
+    values, axes = np.linalg.eigh(covariance)
+    short, long = (width * np.sqrt(np.maximum(values, 0.0))).tolist()
+    north, east = centre.tolist()
     return north, east, long, short, math.atan2(axes[1, 1], axes[0, 1])
+
+
+def _squares(places: FloatArray, centre: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the squared Mahalanobis distance of places, shape ``(n,)``."""
+    off = places - centre
+    least = 1e-12 * (1.0 + float(np.trace(covariance)))
+    found = np.linalg.solve(covariance + least * np.eye(2), off.T).T
+    return np.einsum("ni,ni->n", off, found)
 
 
 def _until_end(places: FloatArray, rows: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from benchmarks.drawn.mission import mission_of
 from robot_link.dry_run import DryRunProblem, Spread
 from server.plan.primitive_legs import candidate_of
 from simulator.ahead import ensemble
-from simulator.ahead.band import LEVEL
+from simulator.ahead.band import LEVEL, ellipse
 from simulator.ahead.pack import EXACT
 from simulator.ahead.state import ROW_EAST, ROW_NORTH, ROW_STD
 from simulator.dry_run import DryRunCancelledError
@@ -86,6 +86,35 @@ def inside(places, band):
     return float(
         np.mean((along / band.ellipse_m[0]) ** 2 + (across / band.ellipse_m[1]) ** 2 <= 1.0)
     )
+
+
+def held(places):
+    """Return which part of places their ellipse holds, and its half axes."""
+    north, east, long, short, angle = ellipse(places)
+    off, axis = places - (north, east), np.array([math.cos(angle), math.sin(angle)])
+    along, across = off @ axis, off @ (-axis[1], axis[0])
+    inside = (along / long) ** 2 + (across / short) ** 2 <= 1.0 + 1e-6
+    return float(np.mean(inside)), (long, short)
+
+
+@pytest.mark.parametrize("lost", [0, 6, 10])
+def test_an_ellipse_holds_nine_in_ten_and_lost_flights_do_not_widen_it(lost):
+    dice = np.random.default_rng([SEED, lost])
+    turn = dice.uniform(0.0, np.pi)
+    axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    places = dice.standard_normal((200, 2)) * (6.0, 2.0) @ axes
+    places[:lost] += 80.0 * axes[1]
+    part, (long, short) = held(places)
+    assert LEVEL <= part < LEVEL + 0.011, SEED
+    # a Gaussian ellipse of 90 % reaches to 2.15 deviations; one about the lost ones to over 6
+    assert long == pytest.approx(2.15 * 6.0, rel=0.6), SEED
+    assert short == pytest.approx(2.15 * 2.0, rel=0.6), SEED
+
+
+def test_an_ellipse_of_few_or_of_equal_places_is_finite():
+    few = np.random.default_rng(SEED).standard_normal((3, 2))
+    for places in (few, np.zeros((200, 2)), np.column_stack([np.arange(60.0), np.zeros(60)])):
+        assert np.isfinite(ellipse(places)).all()
 
 
 def test_the_same_seed_flies_the_same_ensemble_whatever_the_threads_do():
