@@ -4,9 +4,16 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.estimation.energy_use import EnergyEstimate, Use, lasts_h
 from server.battery.battery_use import Battery
-from server.battery.view import RangeView, RecoverByView, RobotBatteryView, UseView
+from server.battery.view import (
+    BatteryAfterView,
+    RangeView,
+    RecoverByView,
+    RobotBatteryView,
+    UseView,
+)
 
 _LEAST_H = 0.2
 """A shorter part of the last day is no rate."""
@@ -57,6 +64,51 @@ def recover_by(battery: Battery) -> RecoverByView | None:
         latest=at + timedelta(hours=most),
         rate_w=range_view(rate),
         hours=hours if hours >= _LEAST_H else 0.0,
+    )
+
+
+def battery_after(
+    battery: Battery, hours: FloatArray, dives: int, home: tuple[float, float] | None
+) -> BatteryAfterView | None:
+    """Return what is left after a flight, ``None`` while the robot has not said how much there is.
+
+    Args:
+        battery: The robot's.
+        hours: Of the flight in each use, shape ``(5,)``.
+        dives: In how many pieces that scatter by themselves it is parted.
+        home: Distance, m, and hours of the swim home from its end; ``None`` where nobody knows.
+    """
+    if battery.left is None:
+        return None
+    use, capacity_wh = battery.use, battery.config.capacity_wh
+    start_wh = battery.left * capacity_wh
+    takes = use.energy(hours, pieces=dives)
+    left_wh = _rest(start_wh, takes)
+    at_home = None
+    if home is not None:
+        way = hours.copy()
+        way[Use.SWIM] += home[1]
+        at_home = _shares(_rest(start_wh, use.energy(way, pieces=dives + 1)), capacity_wh)
+    return BatteryAfterView(
+        left=_shares(left_wh, capacity_wh),
+        left_wh=left_wh,
+        used_wh=range_view(takes),
+        home=at_home,
+        home_m=None if home is None else home[0],
+        reserve=battery.config.reserve,
+        capacity_wh=capacity_wh,
+        is_learned=use.is_learned(hours),
+    )
+
+
+def _rest(start_wh: float, takes: EnergyEstimate) -> RangeView:
+    most_first = (takes.mean_wh, takes.high_wh, takes.low_wh)
+    return RangeView(*(max(0.0, start_wh - one) for one in most_first))
+
+
+def _shares(energy_wh: RangeView, capacity_wh: float) -> RangeView:
+    return RangeView(
+        *(one / capacity_wh for one in (energy_wh.mean, energy_wh.low, energy_wh.high))
     )
 
 

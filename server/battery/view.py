@@ -17,6 +17,27 @@ class RangeView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class BatteryAfterView(View):
+    """What is left of a battery after something that is flown; nothing is below 0."""
+
+    left: RangeView
+    """At its end, parts of a full battery."""
+    left_wh: RangeView
+    used_wh: RangeView
+    """What it takes until then."""
+    home: RangeView | None
+    """After the swim from there to where the robot was put into the water, parts of a full battery;
+    ``null`` where nobody knows where that was."""
+    home_m: float | None
+    """How far that is."""
+    reserve: float
+    """Part of the full battery that must be left then."""
+    capacity_wh: float
+    is_learned: bool
+    """Whether past flights taught what it takes; else the vehicle's model says it."""
+
+
+@dataclass(frozen=True, slots=True)
 class UseView(View):
     """What one use of the battery draws."""
 

@@ -13,6 +13,7 @@ from autonomy.channel import CHANNELS, ChannelCatalogue
 from autonomy.design.document import Design, Manner, SurfacingRules, Waypoint
 from autonomy.design.glide_path import LaidOut, lay_out, rules_of, way_there, with_patience
 from autonomy.design.way import waypoints_of
+from autonomy.estimation.energy_use import Use
 from autonomy.estimation.position import blind_time_s
 from autonomy.planner.check.check import violations
 from autonomy.planner.config import PlannerConfig
@@ -28,6 +29,10 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import Tariff
 from robot_link.surfacing_order import SurfacingOrder, ValueLimit
 from server.base.problem import conflict
+from server.battery.battery_use import Battery
+from server.battery.flown import hours_of_legs
+from server.battery.lasting import battery_after
+from server.battery.view import BatteryAfterView
 from server.design.view import (
     OutlineAccountView,
     OutlineLegView,
@@ -41,6 +46,7 @@ from server.plan.document import way_there_view
 from server.satellite.cost import mission_credits
 
 _J_PER_WH = 3600.0
+_S_PER_H = 3600.0
 _NUMBERED = re.compile(r"^(legs|waypoints)\.(\d+)")
 
 
@@ -61,6 +67,10 @@ class Surroundings:
     vehicle: Vehicle | None
     tariff: Tariff
     now: datetime
+    battery: Battery | None = None
+    """What it draws, and what is left; ``None`` where its vehicle is not known."""
+    home_ne_m: tuple[float, float] | None = None
+    """Where it was put into the water; ``None`` where nobody knows."""
     channels: ChannelCatalogue = field(default_factory=lambda: CHANNELS)
     """By which rules of surfacing name what the robot measures."""
 
@@ -268,7 +278,28 @@ def _account(
         satellite_bytes=comes_up * rules.mission.surfacing_bytes,
         credits=_credits(legs, rules, duration_s, around.tariff),
         battery_left=around.battery_left,
+        battery_after=_battery_after(legs, rules, duration_s, way, around),
     )
+
+
+def _battery_after(
+    legs: tuple[Leg, ...],
+    rules: PlannerConfig,
+    duration_s: float,
+    way: WayThereView | None,
+    around: Surroundings,
+) -> BatteryAfterView | None:
+    """Return what the battery has left at the end of legs, the way there flown before."""
+    if around.battery is None:
+        return None
+    hours = hours_of_legs(legs, duration_s, rules.energy)
+    hours[Use.SWIM] += 0.0 if way is None else way.duration_s / _S_PER_H
+    home = None
+    if around.home_ne_m is not None:
+        home_m = math.dist(around.home_ne_m, legs[-1].end_ned[:2])
+        home = (home_m, home_m / rules.primitives.swim_speed_m_s / _S_PER_H)
+    dives = 1 + sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
+    return battery_after(around.battery, hours, dives, home)
 
 
 def _watt_hours(vehicle: Vehicle | None, rules: PlannerConfig, units: float) -> float | None:

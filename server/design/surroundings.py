@@ -4,6 +4,7 @@ from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from robot_link.satellite.config import SatelliteConfig
 from server.base.foundation import Foundation
+from server.battery.battery_use import BatteryUse
 from server.design.outline import Surroundings
 from server.fleet.fleet import Fleet
 from server.plan.planning import Planning
@@ -27,7 +28,7 @@ async def surroundings(
     current = await planning.in_water(robot, everywhere)
     config = current.config.model_copy(update={"domain": config.domain})
     field = (await book.current("field", robot)).value_as(FieldConfig)
-    state = status.state
+    state, batteries = status.state, foundation.services.get(BatteryUse)
     around = Surroundings(
         config=config,
         current_text=current.text,
@@ -35,6 +36,8 @@ async def surroundings(
         spacing_m=_spacing_m(field, config),
         robot_ned=None if state is None else state.position_ned,
         battery_left=None if state is None else state.battery_fraction,
+        battery=await batteries.of(robot),
+        home_ne_m=await batteries.home_ne_m(robot),
         vehicle=fleet.vehicle(robot),
         tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
         now=foundation.clock.now(),

@@ -9,6 +9,7 @@ from pydantic import Field
 from autonomy.design.document import Design
 from autonomy.planner.plan import PrimitiveKind
 from server.base.view import Body, View, one_of
+from server.battery.view import BatteryAfterView
 from server.plan.view import WayThereView
 
 Change = Annotated[str, one_of("same", "moved", "changed", "added", "removed")]
@@ -147,6 +148,9 @@ class OutlineAccountView(View):
     """Satellite credits of sending the design once; ``null`` if it is too long for satellite."""
     battery_left: float | None
     """Part of a full battery that the robot said was left; ``null`` where it said nothing."""
+    battery_after: BatteryAfterView | None
+    """What is left at its end; ``null`` where the robot never said what it has, or its vehicle is
+    not known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -186,6 +186,18 @@ describe('the estimate', () => {
     expect(lawnmower && estimate(RATES, begun(lawnmower, DOMAIN))).toBeNull();
   });
 
+  const range = (mean: number, off: number) => ({ mean, low: mean - off, high: mean + off });
+  const AFTER = {
+    left: range(0.68, 0.03),
+    left_wh: range(68, 3),
+    used_wh: range(12, 3),
+    home: null,
+    home_m: null,
+    reserve: 0.1,
+    capacity_wh: 100,
+    is_learned: false,
+  };
+
   test('says exactly what the station said as long as nothing is changed', () => {
     const design = way(LINE);
     const model = estimate(RATES, design);
@@ -198,6 +210,7 @@ describe('the estimate', () => {
         worst_std_m: 2,
         energy_wh: 12,
         battery_left: 0.8,
+        battery_after: AFTER,
         satellite_bytes: 700,
         credits: 3,
       },
@@ -210,6 +223,9 @@ describe('the estimate', () => {
     expect(guess?.distance_m).toBeCloseTo(60, 6);
     expect(guess?.duration_s).toBeGreaterThan(900);
     expect(guess?.duration_s).toBeLessThan(2 * 900);
+    const times = (guess?.energy ?? 0) / 40;
+    expect(guess?.battery_after?.used_wh.mean).toBeCloseTo(times * 12, 6);
+    expect(guess?.battery_after?.left_wh.mean).toBeCloseTo(80 - times * 12, 6);
   });
 
   test('leaves everything else of a design as it is when a place moves', () => {

@@ -6,6 +6,7 @@
  * station scales it, so that between two answers only what was changed since is an estimate.
  */
 import type { JsonObject } from '../../api/types';
+import type { OutlineView } from '../../api/generated/station';
 import { mannerTo, type Design, type Manner, type Spot, type Waypoint } from './document';
 
 /** The planner's settings that the account is made from. */
@@ -41,9 +42,13 @@ export interface Account extends Figures {
   energy_wh: number | null;
   /** Part of a full battery. */
   battery_left: number | null;
+  battery_after: BatteryAfter | null;
   satellite_bytes: number;
   credits: number | null;
 }
+
+/** What is left of the battery at the end. */
+export type BatteryAfter = NonNullable<NonNullable<OutlineView['account']>['battery_after']>;
 
 /** The swim to the first place, which is part of the station's account. */
 export type WayThere = Pick<LegFigures, 'distance_m' | 'duration_s' | 'energy'>;
@@ -164,6 +169,23 @@ export interface Checked {
   wayThere: WayThere | null;
 }
 
+/** What is left where something takes another share of what it took. */
+export function drained(after: BatteryAfter, share: number): BatteryAfter {
+  const more = (share - 1) * after.used_wh.mean;
+  const less = (range: BatteryAfter['left'], by: number) => ({
+    mean: Math.max(0, range.mean - by),
+    low: Math.max(0, range.low - by),
+    high: Math.max(0, range.high - by),
+  });
+  return {
+    ...after,
+    left: less(after.left, more / after.capacity_wh),
+    left_wh: less(after.left_wh, more),
+    used_wh: less(after.used_wh, -more),
+    home: after.home && less(after.home, more / after.capacity_wh),
+  };
+}
+
 /** The model's account in the measure of the station's last answer. */
 export function scaledTo(now: Figures, checked: Checked | null): Account {
   const known = checked?.account ?? null;
@@ -186,6 +208,7 @@ export function scaledTo(now: Figures, checked: Checked | null): Account {
     ...figures,
     energy_wh: typeof known?.energy_wh === 'number' ? known.energy_wh * share : null,
     battery_left: known?.battery_left ?? null,
+    battery_after: known?.battery_after ? drained(known.battery_after, share) : null,
     satellite_bytes: Math.round((known?.satellite_bytes ?? 0) * ups),
     credits: known?.credits ?? null,
   };
