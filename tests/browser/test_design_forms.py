@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.person import Person
 from tests.browser.walk import CHROMIUM, open_page
@@ -108,3 +108,40 @@ def test_rules_that_the_robot_keeps_are_said_and_stay(desk):
     expect(manner.get_by_label("If samples wait")).to_have_value("500")
     account = desk.get_by_role("region", name="Account of the design")
     expect(account.get_by_role("status")).to_have_text("checked")
+
+
+def test_a_place_and_a_deep_turn_are_dragged_in_three_dimensions(desk):
+    desk.get_by_role("link", name="All designs").click()
+    desk.get_by_role("button", name=re.compile("^Lawnmower")).click()
+    kept(desk)
+    desk.get_by_text("N, E in m", exact=True).click()
+    desk.get_by_text("3D", exact=True).click()
+    drawn = desk.get_by_role("group", name="The design in the 3D view")
+    corner = drawn.get_by_role("button", name="corner 1", exact=True)
+    field = desk.get_by_label("North and east of corner 1", exact=True)
+    depth = desk.get_by_label("Deep turn, m")
+    expect(corner).to_be_visible()
+    before = field.input_value()
+    drag(desk, corner.locator(".mark"), 40.0, 10.0)
+    expect(field).not_to_have_value(before)
+    turn = drawn.get_by_role("button", name=re.compile("^Deep turn on the way to corner 1"))
+    drag(desk, turn.locator("rect"), 0.0, -25.0)
+    expect(depth).to_have_value(re.compile(r"^[\d.]+$"))
+    expect(turn).to_have_accessible_name(re.compile(rf"{float(depth.input_value()):.3g} m$"))
+    kept(desk)
+    Person().shoot(desk, "design-3d")
+    desk.get_by_role("button", name="Undo: Deep turn changed").click()
+    expect(depth).to_have_value("")
+    desk.get_by_role("button", name="Undo: Moved corner 1").click()
+    expect(field).to_have_value(before)
+    kept(desk)
+
+
+def drag(page: Page, handle: Locator, right_px: float, down_px: float) -> None:
+    box = handle.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + right_px, y + down_px, steps=6)
+    page.mouse.up()

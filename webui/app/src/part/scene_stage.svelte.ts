@@ -1,3 +1,5 @@
+import type { Snippet } from 'svelte';
+
 /**
  * Keeps one 3D view for all pages.
  *
@@ -9,6 +11,8 @@ export class SceneStage {
   rectangle = $state.raw<{ x: number; y: number; width: number; height: number } | null>(null);
   /** Grows when the view is to be opened anew, with the camera where it was at first. */
   tries = $state(0);
+  /** Drawn over the view while a page shows something of its own in it. */
+  overlay = $state.raw<Snippet<[HTMLIFrameElement]> | null>(null);
   #owner: HTMLElement | null = null;
 
   /** Claim the view for an element and follow it; returns the release. */

@@ -22,8 +22,11 @@ import {
 
 export type Mode = 'move' | 'add' | 'choose';
 
+/** What is dragged in the 3D view alone: the deep turn on the way to a place. */
+type Held = Grip | { kind: 'depth'; index: number };
+
 interface Drag {
-  grip: Grip;
+  grip: Held;
   /** What it began with. */
   design: Design;
   spots: readonly Waypoint[];
@@ -33,6 +36,8 @@ interface Drag {
 }
 
 const NONE = chosenOf([]);
+/** Depths are dragged by the centimetre. */
+const CM = 0.01;
 
 /** A design in the hands of a person: what is chosen of it, and what a pointer or a key does. */
 export class DesignEditor {
@@ -246,6 +251,36 @@ export class DesignEditor {
     if (grip.kind === 'leg') this.#dragged = placed(design, spots);
   }
 
+  /** Take hold of a deep turn: that of the chosen waypoints, or of a design that is no way. */
+  beginDepth(index: number): void {
+    if (!this.isEditable) return;
+    this.keeper.hold(true);
+    const { document: design } = this.keeper;
+    const isWay = this.rule.shape === 'way';
+    if (isWay && !this.chosen.has(index)) this.chosen = chosenOf([index]);
+    const from = { north_m: 0, east_m: 0 };
+    const what = isWay
+      ? `Deep turn of${naming('', this.rule.noun, this.chosen)}`
+      : 'Deep turn changed';
+    const grip = { kind: 'depth', index } as const;
+    this.#drag = { grip, design, spots: this.#all, chosen: this.chosen, from, what };
+  }
+
+  dragDepth(depthM: number): void {
+    if (this.#drag?.grip.kind !== 'depth') return;
+    const { design, spots, chosen, what } = this.#drag;
+    const deep_m = Math.max(CM, Math.round(depthM / CM) * CM);
+    const told = Number(deep_m.toFixed(2));
+    this.#dragged =
+      this.rule.shape === 'way'
+        ? placed(
+            design,
+            spots.map((one, i) => (chosen.has(i) ? { ...one, deep_m: told } : one)),
+          )
+        : { ...design, manner: { ...design.manner, deep_m: told } };
+    this.keeper.preview(this.#dragged, what);
+  }
+
   drag(north: number, east: number): void {
     if (!this.#drag) return;
     this.#dragged = dragged(this.#drag, { north_m: north, east_m: east }, this.snap);
@@ -281,6 +316,7 @@ function dragged({ grip, design, spots, chosen, from }: Drag, to: Spot, snap: Sn
     return placed(design, apply(spots, chosen, change, about));
   }
   if (grip.kind === 'radius') return withRadius(design, spots, to);
+  if (grip.kind === 'depth') return design;
   const index = grip.kind === 'leg' ? grip.index + 1 : grip.index;
   const held = spots[index];
   if (!held) return design;
