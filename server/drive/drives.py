@@ -13,6 +13,7 @@ from robot_link.station.drive_client import DriveAnswer, DriveClient
 from robot_link.station.error import ServiceError
 from server.base.foundation import Foundation
 from server.base.problem import conflict
+from server.base.retry_queue import until_stored
 from server.drive.latency import LatencyWatch
 from server.drive.view import DriveView, RobotAnswerView, StickView
 from server.fleet.capability import drive_refusal, refuse_unless_able
@@ -181,6 +182,7 @@ class Drives:
         Raises:
             Problem: 404 for an unknown robot; 409 with the sentence for one that cannot be driven
                 now, that refuses or does not answer.
+            StoreUnavailableError: If the begin cannot be written down; the drive is ended again.
         """
         status = self._fleet.status(robot)
         refuse_recording(status, "is driven by nobody")
@@ -198,16 +200,18 @@ class Drives:
         self._fleet.set_driver(robot, by)
         try:
             await client.begin()
+            if drive.state == "beginning":
+                drive.state = "driving"
+            await self._log("drive.begun", robot, f"{by} drives {robot} by hand.", by)
         except ServiceError as error:
             drive.end("")
             self._forget(drive)
             raise conflict(_refusal(robot, error)) from error
-        except asyncio.CancelledError:
-            self.finishing(drive, f"{by} left before it began.")
+        except BaseException as error:
+            has_left = isinstance(error, asyncio.CancelledError)
+            why = f"{by} left before it began." if has_left else "It could not be written down."
+            self.finishing(drive, why)
             raise
-        if drive.state == "beginning":
-            drive.state = "driving"
-        await self._log("drive.begun", robot, f"{by} drives {robot} by hand.", by)
         return drive
 
     def finishing(self, drive: Drive, reason: str) -> asyncio.Task[None]:
@@ -229,7 +233,10 @@ class Drives:
         finally:
             self._forget(drive)
         text = f"{drive.driver} drives {drive.robot} no more: {drive.reason}{note}"
-        await self._log("drive.ended", drive.robot, text, drive.driver)
+        await until_stored(
+            f"the end of a drive of {drive.robot}",
+            lambda: self._log("drive.ended", drive.robot, text, drive.driver),
+        )
 
     def stop(self, robot: str, reason: str) -> None:
         """End the drive of a robot from elsewhere, such as by an order; without one do nothing."""

@@ -17,7 +17,6 @@ class RoundTrips:
     answers: int
     p50_ms: float | None
     p95_ms: float | None
-    newest_ms: float | None
 
 
 class LatencyWatch:
@@ -30,22 +29,16 @@ class LatencyWatch:
         """Take the time between a stick and its answer, which came now."""
         self._answers.append((monotonic_s(), round_trip_s))
 
-    @property
-    def newest_age_s(self) -> float | None:
-        """Time since the newest answer; None before the first."""
-        return monotonic_s() - self._answers[-1][0] if self._answers else None
-
     def of_late(self) -> RoundTrips:
         """Return what the answers of late say."""
         since_s = monotonic_s() - WINDOW_S
         times = sorted(trip_s for at_s, trip_s in self._answers if at_s >= since_s)
         if not times:
-            return RoundTrips(0, None, None, None)
+            return RoundTrips(0, None, None)
         return RoundTrips(
             len(times),
             1e3 * _share(times, 0.50),
             1e3 * _share(times, 0.95),
-            1e3 * self._answers[-1][1],
         )
 
 

@@ -8,6 +8,7 @@ import msgspec
 from fastapi import APIRouter, Depends, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
+from db.fault import StoreUnavailableError
 from robot_link.drive import Stick
 from server.access.access import Caller
 from server.access.dependency import SignInWatchDep, Viewer, WebSocketPilot
@@ -16,6 +17,7 @@ from server.base.dependency import service
 from server.base.problem import Problem
 from server.drive.drives import Drive, Drives
 from server.drive.view import DriveView, StickBody, refused
+from server.fleet.words import sentence
 
 router = APIRouter(prefix="/api/robots", tags=["drive"])
 
@@ -53,8 +55,9 @@ async def drive(
     await websocket.accept()
     try:
         begun = await drives.begin(robot, caller.name)
-    except Problem as problem:
-        await websocket.send_text(_encoder.encode(refused(robot, problem.detail)).decode())
+    except (Problem, StoreUnavailableError) as error:
+        reason = error.detail if isinstance(error, Problem) else sentence(error)
+        await websocket.send_text(_encoder.encode(refused(robot, reason)).decode())
         await websocket.close(REFUSED)
         return
     try:

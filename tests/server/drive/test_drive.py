@@ -9,6 +9,7 @@ import pytest
 import pytest_asyncio
 import websockets
 
+from db.fault import StoreUnavailableError
 from robot_link.drive import CENTRE, Stick
 from robot_link.messages import LinkReport, LinkState, RobotMode
 from server.access.role import Role
@@ -195,6 +196,32 @@ async def test_robot_that_refuses_is_not_driven(client, address, ready):
         assert "cannot be driven now: a mission runs" in word["reason"]
     assert await is_free(client)
     assert await events(client) == []
+
+
+async def test_drive_that_cannot_be_written_down_leaves_the_robot_free(
+    client, address, ready, station, monkeypatch
+):
+    store, is_full = station.foundation.store, True
+    write = store.write
+
+    async def failing(function):
+        if is_full:
+            raise StoreUnavailableError("the disk is full")
+        return await write(function)
+
+    header_of_bob = await header(client)
+    monkeypatch.setattr(store, "write", failing)
+    uri = f"ws://{address}/api/robots/{MINI}/drive"
+    async with websockets.connect(
+        uri, additional_headers=header_of_bob, compression=None
+    ) as socket:
+        word = json.loads(await socket.recv())
+        assert (word["state"], word["reason"]) == ("ended", "The disk is full.")
+    await until(lambda: is_free(client))
+    assert not ready.is_driven
+    is_full = False
+    async with cockpit(client, address, name="eve") as socket:
+        await told(socket, lambda word: word["state"] == "driving")
 
 
 @pytest.mark.parametrize("role", [Role.VIEWER])
