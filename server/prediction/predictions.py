@@ -157,10 +157,9 @@ class Predictions:
 
     async def told(self, robot: str) -> Told:
         """Return what a robot's prediction is made of beside its word."""
-        book = self._foundation.configurations
+        status, book = self._fleet.status(robot), self._foundation.configurations
         estimator = (await book.current("estimator", robot)).value_as(EstimatorConfig)
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
-        status = self._fleet.status(robot)
         return Told(estimator, profile_of(self._fleet, status), planner.mission.turn_time_s)
 
     async def widened(self, robot: str, kind: str) -> float:
@@ -175,18 +174,23 @@ class Predictions:
         """Predict robots that fell silent, and go on as long as they are, until cancelled."""
         while True:
             for robot in await self._looks.next():
-                if self._fleet.knows(robot):
-                    await self._predict(robot)
+                await until_stored(
+                    f"the prediction of {robot}", lambda robot=robot: self._predict(robot)
+                )
 
     async def _predict(self, robot: str) -> None:
         basis = self._bases.get(robot)
-        if basis is None:
+        if basis is None or not self._fleet.knows(robot):
             return
         status = self._fleet.status(robot)
         age_s = self.age_s(basis.state.measured_at)
         if age_s < self._fleet.limit_s(_SHOWN_AFTER_S):
             return
         kind, _ = kind_of(status, basis)
+        told, factor = await self.told(robot), await self.widened(robot, kind)
+        newest = self._bases.get(robot)
+        if newest is None or newest.state is not basis.state:
+            return  # heard meanwhile: its newer word has a look of its own
         ahead_s = max(_SHORTEST_AHEAD_S, age_s)
         ages = np.concatenate(
             [
@@ -194,10 +198,9 @@ class Predictions:
                 np.linspace(age_s, age_s + ahead_s, _STEPS),
             ]
         )
-        found = predicted(kind, basis, await self.told(robot), ages)
-        if found is None or self._bases.get(robot) is not basis:
+        found = predicted(kind, basis, told, ages)
+        if found is None:
             return
-        factor = await self.widened(robot, kind)
         wider = replace(found, covariance_m2=factor**2 * found.covariance_m2)
         self._paths[robot] = PredictedPath(basis.state.measured_at, kind, wider)
         self._foundation.feed.mark("prediction", robot)
@@ -208,25 +211,26 @@ class Predictions:
 
     async def _judge(self, robot: str, basis: Basis, fix: StateReport) -> None:
         """Keep how far a fix lay from where the robot should have been."""
-        status = self._fleet.status(robot)
-        kind, _ = kind_of(status, basis)
+        kind, _ = kind_of(self._fleet.status(robot), basis)
         age_s = (fix.measured_at - basis.state.measured_at).total_seconds()
-        told = await self.told(robot)
-        found = predicted(kind, basis, told, np.array([age_s]))
-        if found is None:
-            return
-        factor = await self.widened(robot, kind)
-        record = _judged(RobotId(robot), kind, basis, fix, found, factor)
         at = self._clock.now()
 
-        def write(session: Session) -> bool:
-            if not add_prediction(session, record):
-                return False
-            text = _judged_text(robot, record, age_s)
-            add_event(session, at, "prediction.judged", text, robot=robot)
-            return True
-
         async def keep() -> None:
+            if not self._fleet.knows(robot):
+                return
+            found = predicted(kind, basis, await self.told(robot), np.array([age_s]))
+            if found is None:
+                return
+            factor = await self.widened(robot, kind)
+            record = _judged(RobotId(robot), kind, basis, fix, found, factor)
+
+            def write(session: Session) -> bool:
+                if not add_prediction(session, record):
+                    return False
+                text = _judged_text(robot, record, age_s)
+                add_event(session, at, "prediction.judged", text, robot=robot)
+                return True
+
             if await self._store.write(write):
                 self._foundation.feed.mark("predictions", robot)
 

@@ -1,5 +1,6 @@
 """A robot that falls silent: where it should be, what it will do, and the fix that judges it."""
 
+import asyncio
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -7,9 +8,11 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from db.fault import StoreUnavailableError
 from robot_link.messages import OnboardPlanState, RobotMode
 from robot_link.report import CurrentReport
 from server.access.role import Role
+from server.fleet.event import RobotReported
 from server.plan.dry_run import DryRuns
 from server.prediction.predictions import Predictions
 from tests.server.conftest import GRACE, MINI, api_client, open_station, until
@@ -37,6 +40,11 @@ async def judged(client, robot, count=1):
         return found if len(found["predictions"]) >= count else None
 
     return await until(are_kept)
+
+
+@pytest.fixture
+def predictions(station):
+    return station.foundation.services.get(Predictions)
 
 
 async def silent(client, robot):
@@ -97,6 +105,69 @@ async def test_fix_far_away_is_outside_and_widens_the_next(client, world, statio
     assert found["median_miss_m"] == pytest.approx(510.0, rel=0.1)
     assert await predictions.widened(GRACE, "afloat") > 1.2
     assert await predictions.widened(GRACE, "flying") == 1.0
+
+
+async def test_report_that_says_nothing_newer_does_not_hide_the_prediction(
+    client, world, predictions, monkeypatch
+):
+    widened = predictions.widened
+
+    async def reported_meanwhile(robot, kind):
+        predictions.take(RobotReported(robot))
+        return await widened(robot, kind)
+
+    monkeypatch.setattr(predictions, "widened", reported_meanwhile)
+    told = predictions.told
+
+    async def told_meanwhile(robot):
+        predictions.take(RobotReported(robot))
+        return await told(robot)
+
+    monkeypatch.setattr(predictions, "told", told_meanwhile)
+    world.tell(state_report(GRACE, (200.0, 300.0, 0.0), at=datetime.now(UTC) - HOUR))
+    await until(lambda: predictions.path(GRACE))
+    assert (await get(client, GRACE))["is_silent"]
+
+
+async def test_robot_that_is_heard_while_it_is_predicted_has_no_prediction(
+    client, world, predictions, monkeypatch
+):
+    del client
+    widened, has_looked = predictions.widened, asyncio.Event()
+    said = datetime.now(UTC) - HOUR
+
+    async def heard_meanwhile(robot, kind):
+        factor = await widened(robot, kind)
+        if not has_looked.is_set():
+            world.tell(state_report(GRACE, (201.0, 300.0, 0.0)))
+            await until(lambda: predictions.basis(GRACE).state.measured_at > said)
+            has_looked.set()
+        return factor
+
+    monkeypatch.setattr(predictions, "widened", heard_meanwhile)
+    world.tell(state_report(GRACE, (200.0, 300.0, 0.0), at=said))
+    await has_looked.wait()
+    assert predictions.path(GRACE) is None
+
+
+async def test_failing_storage_delays_predictions_and_verdicts_and_loses_none(
+    client, world, predictions, monkeypatch
+):
+    told, failures = predictions.told, [StoreUnavailableError("the disk is full")]
+
+    async def failing_once(robot):
+        if failures:
+            raise failures.pop()
+        return await told(robot)
+
+    monkeypatch.setattr(predictions, "told", failing_once)
+    world.tell(state_report(GRACE, (200.0, 300.0, 0.0), at=datetime.now(UTC) - HOUR))
+    await until(lambda: predictions.path(GRACE))
+    assert not failures
+    failures.append(StoreUnavailableError("the disk is full"))
+    world.tell(state_report(GRACE, (205.0, 300.0, 0.0), position_std_m=1.5))
+    assert len((await judged(client, GRACE))["predictions"]) == 1
+    assert not failures
 
 
 async def test_same_fix_is_judged_once_also_after_a_restart(tmp_path, world, prepared_database):
