@@ -92,6 +92,20 @@ def test_the_robot_swims_while_a_key_is_held_and_stops_when_it_is_let_go(cockpit
     stop(cockpit)
 
 
+def test_who_holds_nothing_is_silent_and_drives_no_more_after_a_while(cockpit):
+    begin(cockpit)
+    cockpit.keyboard.down("w")
+    expect(acts_on(cockpit, "Ahead")).to_have_text("60 %")
+    cockpit.keyboard.up("w")
+    expect(acts_on(cockpit, "Ahead")).to_have_text("0 %")
+    expect(cockpit.get_by_text("hold nothing, so nothing is sent")).to_be_visible()
+    cockpit.set_viewport_size({"width": 400, "height": 860})
+    cockpit.screenshot(path=SHOTS / "drive-silent-400.png", timeout=240_000)
+    cockpit.set_viewport_size({"width": 1440, "height": 900})
+    expect(cockpit.get_by_text(re.compile("No stick came for 10 s|driven no more"))).to_be_visible()
+    expect(cockpit.get_by_role("button", name=BEGIN)).to_be_enabled()
+
+
 def test_the_stick_on_the_screen_turns_and_springs_back(cockpit):
     begin(cockpit)
     field = cockpit.get_by_role("img", name=re.compile("^Stick"))

@@ -1,5 +1,4 @@
 import { describe, expect, test } from 'vitest';
-import type { Site } from '../api/types';
 import { inverted, multiplied, SceneCamera, type Ned } from './scene_camera';
 
 const WATER = { x_min_m: 0, x_max_m: 400, y_min_m: -100, y_max_m: 400, depth_max_m: 20 };
@@ -44,7 +43,7 @@ function cameraOf(depth: keyof typeof DEPTHS, exaggeration = 8): SceneCamera {
     [0, 0, 0, 1],
   ]);
   const shown = multiplied(multiplied(perspective(DEPTHS[depth]), view), world);
-  return new SceneCamera(shown, WIDTH, HEIGHT, WATER as Site['water'], exaggeration);
+  return new SceneCamera(shown, WIDTH, HEIGHT, WATER, exaggeration);
 }
 
 function place(): Ned {

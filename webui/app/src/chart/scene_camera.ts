@@ -27,8 +27,8 @@ interface Viser {
 
 /** The numbers by which the view draws now; `null` before its first picture. */
 export function viewOf(frame: HTMLIFrameElement): Matrix | null {
-  const viser = (frame.contentWindow as (Window & { __viserMutable?: Viser }) | null)
-    ?.__viserMutable;
+  const inside: (Window & { __viserMutable?: Viser }) | null = frame.contentWindow;
+  const viser = inside?.__viserMutable;
   const world = viser?.nodeRefFromName['/world']?.matrixWorld.elements;
   if (!viser?.camera || !world) return null;
   const { matrixWorldInverse, projectionMatrix } = viser.camera;

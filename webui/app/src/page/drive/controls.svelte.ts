@@ -17,6 +17,8 @@ export class Controls {
   held = $state.raw<readonly string[]>([]);
   /** What fingers hold on the screen. */
   finger = $state.raw<Stick>(CENTRE);
+  /** Whether a finger holds the button that keeps the robot at its depth. */
+  isStaying = $state.raw(false);
   /** Name of the gamepad, once one of its buttons was pressed; "" without one. */
   gamepad = $state.raw('');
   /** How far a full stick goes, 0 to 1. */
@@ -37,10 +39,17 @@ export class Controls {
     return limited(found, this.reach);
   }
 
+  /** Whether anything is held: keys that cancel each other are, a gamepad at rest is not. */
+  get isHeld(): boolean {
+    const isSteered = [this.finger, this.#pad].some((one) => !isCentre(one));
+    return isSteered || this.isStaying || this.held.length > 0;
+  }
+
   /** Let go of everything. */
   release(): void {
     this.held = [];
     this.finger = CENTRE;
+    this.isStaying = false;
     this.#pad = CENTRE;
   }
 

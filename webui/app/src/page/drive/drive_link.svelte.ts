@@ -1,11 +1,11 @@
 import type { Drive } from '../../api/types';
 import { RoundTrips, type Latency } from './round_trips';
-import { CENTRE, isCentre, type Stick } from './stick';
+import { CENTRE, type Stick } from './stick';
 
 /** Between two sticks while one is held; the robot stops after 500 ms without any. */
 const HELD_MS = 66;
-/** Between two sticks in the middle: they only say that the pilot is there. */
-const RESTING_MS = 200;
+/** How often a stick that was let go is said to be in the middle: a word may be lost by radio. */
+const CENTRES = 4;
 
 export type DriveState = 'off' | 'beginning' | 'driving' | 'ended';
 
@@ -23,17 +23,21 @@ export class DriveLink {
   sent = $state.raw<Stick>(CENTRE);
   /** Nothing is sent while the pilot looks elsewhere: the robot stops by itself. */
   isAway = $state.raw(false);
+  /** Local `performance.now()` since which nothing is sent as nothing is held; `null` if it is. */
+  silentAt = $state.raw<number | null>(null);
 
   readonly #robot: string;
-  readonly #stick: () => Stick;
+  readonly #stick: () => Stick | null;
   readonly #trips = new RoundTrips();
   #socket: WebSocket | null = null;
   #timer: ReturnType<typeof setInterval> | undefined;
   #n = 0;
   #sentAt = 0;
+  /** Times that the stick is still to be said to be in the middle. */
+  #centres = 0;
 
-  /** `stick` tells where the stick is at each moment. */
-  constructor(robot: string, stick: () => Stick) {
+  /** `stick` tells where the stick is at each moment; `null` while nobody holds it. */
+  constructor(robot: string, stick: () => Stick | null) {
     this.#robot = robot;
     this.#stick = stick;
   }
@@ -48,6 +52,7 @@ export class DriveLink {
     this.reason = '';
     this.told = null;
     this.latency = null;
+    this.silentAt = null;
     this.isAway = document.hidden || !document.hasFocus();
     socket.onmessage = (message: MessageEvent<string>) =>
       this.#take(JSON.parse(message.data) as Drive);
@@ -75,26 +80,44 @@ export class DriveLink {
     this.isAway = isAway;
   }
 
-  /** Say where the stick is, if that is due; a change is said at once. */
+  /**
+   * Say where the stick is, if that is due; a change is said at once.
+   *
+   * A stick that is let go is said to be in the middle, at once and a few times; then nothing is
+   * said, as a robot that hears nothing is one that nobody holds.
+   */
   tick(): void {
     if (this.state !== 'driving' || this.isAway) return;
-    const stick = this.#stick();
-    const now = performance.now();
-    const isChanged = !isSame(stick, this.sent);
-    const due = isCentre(stick) ? RESTING_MS : HELD_MS;
-    if (isChanged ? now - this.#sentAt >= HELD_MS / 2 : now - this.#sentAt >= due)
-      this.#send(stick);
+    const held = this.#stick();
+    const sinceMs = performance.now() - this.#sentAt;
+    if (held === null) this.#letGo(sinceMs);
+    else {
+      this.#centres = CENTRES;
+      this.silentAt = null;
+      const due = isSame(held, this.sent) ? HELD_MS : HELD_MS / 2;
+      if (sinceMs >= due) this.#send(held);
+    }
   }
 
-  #send(stick: Stick): void {
+  #letGo(sinceMs: number): void {
+    const isFirst = this.#centres === CENTRES;
+    if (this.#centres > 0 && (isFirst || sinceMs >= HELD_MS) && this.#send(CENTRE)) {
+      this.#centres -= 1;
+    }
+    if (this.#centres === 0) this.silentAt ??= performance.now();
+  }
+
+  /** Send a stick; tells whether the line took it. */
+  #send(stick: Stick): boolean {
     const socket = this.#socket;
     // A line that is stuck takes no more: what waited there would come too late.
-    if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > 0) return;
+    if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > 0) return false;
     this.#n += 1;
     this.#sentAt = performance.now();
     this.#trips.sent(this.#n, this.#sentAt);
     this.sent = stick;
     socket.send(JSON.stringify({ n: this.#n, ...stick }));
+    return true;
   }
 
   #take(told: Drive): void {
@@ -105,6 +128,7 @@ export class DriveLink {
     this.latency = this.#trips.ofLate(now);
     if (told.state === 'driving' && this.state === 'beginning') {
       this.state = 'driving';
+      this.#centres = 1;
       this.#timer = setInterval(() => this.tick(), HELD_MS / 4);
     }
     if (told.state === 'ended') this.#end(told.reason);

@@ -27,6 +27,8 @@ const KEYS: Readonly<Record<string, Partial<Stick>>> = {
   r: { up: 1 },
   PageDown: { up: -1 },
   f: { up: -1 },
+  /** Steers nowhere: it is held to stay at a depth. */
+  h: {},
 };
 
 /** The name under which a key steers; `null` for one that does not. */
