@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from autonomy.vehicle.parameter_file import vehicle_document, vehicle_from_document
 from db.query.fleet.vehicles import VehicleRecord, get_vehicle
+from onboard.profile import FLIGHT_PROFILES, FlightProfile
 
 BUILT_IN = "built-in"
 """Origin of the vehicles that the station brings along."""
@@ -60,3 +61,11 @@ def nearest_built_in(vehicle: Vehicle) -> str:
         VEHICLES,
         key=lambda key: abs(math.log(VEHICLES[key].hull.displaced_mass_kg / mass_kg)),
     )
+
+
+def profile_of(vehicle: Vehicle | None) -> FlightProfile:
+    """Return how the program on board flies a vehicle, as built; the small one if none is known."""
+    key = "miniglider" if vehicle is None else vehicle.key
+    if key not in FLIGHT_PROFILES and vehicle is not None:
+        key = nearest_built_in(vehicle)
+    return FLIGHT_PROFILES[key]

@@ -40,6 +40,7 @@ FOLLOW_TARGET = "track_target"
 """Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _STAYS_UP = (RobotMode.IDLE, RobotMode.HOLDING)
+_PREPARES = (RobotMode.SURFACED, RobotMode.TURNING, RobotMode.HOLDING)
 _FOLLOWING = (RobotMode.TRACKING, RobotMode.SEARCHING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
@@ -294,10 +295,19 @@ class RobotStatus:
                 return report.measured_at + timedelta(seconds=remaining_s)
         return None
 
+    @property
+    def is_between_dives(self) -> bool:
+        """Whether the robot says that it lies at the surface before a leg that begins there."""
+        hand, leg, state = self.plan, self.leg_now, self.state
+        if hand is None or leg is None or state is None or not 0 < leg < len(hand.legs):
+            return False
+        return state.mode in _PREPARES and hand.legs[leg].start_ned[2] <= 0.0
+
     def begins_ne_m(self) -> tuple[float, float] | None:
-        """Return where a new plan would begin: at the next surfacing of what the robot flies."""
+        """Return where a new plan would begin: at this surfacing, else at the next."""
         hand, leg_now = self.plan, self.leg_now
-        if hand is not None and leg_now is not None and hand.record.kind != FOLLOW_TARGET:
+        flies_legs = hand is not None and hand.record.kind != FOLLOW_TARGET
+        if hand is not None and leg_now is not None and flies_legs and not self.is_between_dives:
             for leg in hand.legs[leg_now:]:
                 if leg.end_ned[2] <= SURFACE_DEPTH_M:
                     return leg.end_ned[:2]

@@ -69,7 +69,7 @@ class DryRuns:
             is_limited: Whether it is given up after ``LIMIT_S``, since a plan waits for it.
         """
         points = points_of(plan.document)
-        problem = self._problem(plan.robot, mission_of(plan), points, config)
+        problem = self.problem(plan.robot, mission_of(plan), points, config)
         return await self._fly(plan.robot, problem, config, None, is_limited=is_limited)
 
     async def fly_mission(
@@ -97,7 +97,7 @@ class DryRuns:
             Problem: 404 if there is no such robot.
         """
         candidate = await asyncio.to_thread(candidate_of, config, mission.legs)
-        problem = self._problem(robot, mission, candidate.points, config)
+        problem = self.problem(robot, mission, candidate.points, config)
         return await self._fly(robot, problem, config, on_progress, is_limited=is_limited)
 
     async def _fly(
@@ -152,9 +152,20 @@ class DryRuns:
         )
         await self._workers.run(DRY_RUN, problem)
 
-    def _problem(
+    def problem(
         self, robot: str, mission: Mission, points: FloatArray, config: PlannerConfig
     ) -> DryRunProblem | None:
+        """Return how a mission of a robot is flown ahead, ``None`` where its vehicle is not known.
+
+        Args:
+            robot: Who would fly it.
+            mission: Its legs as they would travel.
+            points: What is promised, shape ``(n, 5)``.
+            config: The current and the drift that are expected, keep-outs and limits.
+
+        Raises:
+            Problem: 404 if there is no such robot.
+        """
         status, vehicle = self._fleet.status(robot), self._fleet.vehicle(robot)
         if vehicle is None:
             return None

@@ -163,13 +163,20 @@ class Planning:
         laid = legs_from(current.config, (start[0], start[1]), legs)
         return await self.plan_legs(robot, "primitives", current, config_id, laid, by=by)
 
-    async def in_water(self, robot: str, config: PlannerConfig) -> PlannedCurrent:
-        """Return settings with the current that a plan of now reckons with, as well as it is known.
+    async def in_water(
+        self, robot: str, config: PlannerConfig, ahead_s: float = 0.0
+    ) -> PlannedCurrent:
+        """Return settings with the current that a plan reckons with, as well as it is known.
+
+        Args:
+            robot: Who is to fly it.
+            config: What was asked for.
+            ahead_s: In how long it begins.
 
         Raises:
             UnknownIdError: If there is no such robot.
         """
-        return await self._flows.planned(robot, self.settings.known_current(robot, config), 0.0)
+        return await self._flows.planned(robot, self.settings.known_current(robot, config), ahead_s)
 
     async def plan_legs(
         self,

@@ -17,11 +17,9 @@ from autonomy.estimation.prediction import (
     predict_flown,
 )
 from autonomy.planner.leg.primitive import position_at
-from onboard.profile import FLIGHT_PROFILES, FlightProfile
+from onboard.profile import FlightProfile
 from robot_link.messages import OnboardPlanState, PlanReport, RobotMode, StateReport
 from robot_link.report import CurrentReport
-from server.base.vehicle_catalogue import nearest_built_in
-from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET, SURFACE_DEPTH_M, PlanInHand, RobotStatus
 from server.plan.expected import is_on_leg
 
@@ -61,15 +59,6 @@ class Told:
     profile: FlightProfile
     turn_time_s: float
     """What each dive takes beside its legs, where its flight ahead does not tell."""
-
-
-def profile_of(fleet: Fleet, status: RobotStatus) -> FlightProfile:
-    """Return how the program on board flies a robot, as built."""
-    vehicle = fleet.vehicle(status.record.id)
-    key = "miniglider" if vehicle is None else vehicle.key
-    if key not in FLIGHT_PROFILES and vehicle is not None:
-        key = nearest_built_in(vehicle)
-    return FLIGHT_PROFILES[key]
 
 
 def kind_of(status: RobotStatus, basis: Basis) -> tuple[str, str]:

@@ -21,13 +21,14 @@ from db.query.station.events import add_event
 from robot_link.messages import RobotId, StateReport
 from server.base.foundation import Foundation
 from server.base.retry_queue import until_stored
+from server.base.vehicle_catalogue import profile_of
 from server.base.wakeups import Wakeups
 from server.current.event import CurrentChanged
 from server.fleet.current_words import metres
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
-from server.prediction.basis import Basis, Told, kind_of, predicted, profile_of
+from server.prediction.basis import Basis, Told, kind_of, predicted
 from server.prediction.view import PredictedPlaceView
 
 log = logging.getLogger(__name__)
@@ -157,10 +158,10 @@ class Predictions:
 
     async def told(self, robot: str) -> Told:
         """Return what a robot's prediction is made of beside its word."""
-        status, book = self._fleet.status(robot), self._foundation.configurations
+        book = self._foundation.configurations
         estimator = (await book.current("estimator", robot)).value_as(EstimatorConfig)
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
-        return Told(estimator, profile_of(self._fleet, status), planner.mission.turn_time_s)
+        return Told(estimator, profile_of(self._fleet.vehicle(robot)), planner.mission.turn_time_s)
 
     async def widened(self, robot: str, kind: str) -> float:
         """Return by what factor judged predictions of a kind widen the next."""

@@ -9,12 +9,14 @@ from server.fleet.panel import FleetViews
 from server.plan.ledger import PlanLedger
 from server.plan.state import PlanChanged
 from server.schedule import route
+from server.schedule.replan import install as replan
+from server.schedule.replan import route as replan_route
 from server.schedule.schedule import Schedule
 from server.schedule.state import ScheduleChanged, purge_for
 from server.transfer.state import TransferChanged
 from server.transfer.transfers import Transfers
 
-ROUTERS = (route.router,)
+ROUTERS = (route.router, replan_route.router)
 
 
 def install(foundation: Foundation) -> None:
@@ -49,3 +51,4 @@ def install(foundation: Foundation) -> None:
     bus.subscribe_within(SurfaceOrdered, purge_for)
     foundation.lifetime.on_load(schedule.load)
     foundation.lifetime.run("schedule", schedule.run)
+    replan.install(foundation)

@@ -7,6 +7,7 @@ expired meanwhile is dropped, not sent.
 """
 
 import logging
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -52,6 +53,17 @@ _HOUR: Final = timedelta(hours=1)
 _REST_S: Final = 0.5
 _ARRIVED: Final = ("kept", "on_board", "running")
 _EXPIRED: Final = "schedule.expired"
+
+
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """What may be sent to a robot by itself, and what was in the last hour, for whatever reason."""
+
+    config: AutomationConfig
+    sent: int
+    free_at: datetime | None
+    """When the next may be sent; ``None`` while one may be, and where none ever may."""
+    is_free: bool
 
 
 class Schedule:
@@ -231,7 +243,7 @@ class Schedule:
             return
         if send.due_at is None:
             send = await self._store.write(lambda s: note(s, send.id, due_at=due_at))
-        held = await self._held(send, now)
+        held = await self._held(send)
         await (self._note_reason(send, held) if held else self._send(send, now))
 
     async def _due_at(self, send: ScheduledSend, now: datetime) -> datetime | None:
@@ -259,17 +271,31 @@ class Schedule:
                     await self._drop(send, SendEvidence.FAILED, why, now)
                 return first.ended_at if first.state == "done" else None
 
-    async def _held(self, send: ScheduledSend, now: datetime) -> str:
+    async def allowance(self, robot: str) -> Allowance:
+        """Return how much of the limit of an hour a robot has used.
+
+        Raises:
+            UnknownIdError: If there is no such robot.
+        """
+        now = self._clock.now()
+        config = (await self._configurations.current("automation", robot)).value_as(
+            AutomationConfig
+        )
+        most = config.most_sends_per_hour
+        times = await self._store.query(lambda s: query.sent_times(s, robot, now - _HOUR))
+        is_free = len(times) < most
+        free_at = None if is_free or most == 0 else times[-most] + _HOUR
+        return Allowance(config, len(times), free_at, is_free=is_free)
+
+    async def _held(self, send: ScheduledSend) -> str:
         """Return why it is not sent now although it is due, or ""."""
-        found = await self._configurations.current("automation", send.robot)
-        most = found.value_as(AutomationConfig).most_sends_per_hour
-        times = await self._store.query(lambda s: query.sent_times(s, send.robot, now - _HOUR))
-        if len(times) < most:
+        found = await self.allowance(send.robot)
+        if found.is_free:
             return ""
-        until = f" until {clock_time(times[-most] + _HOUR)}" if most else ""
+        until = "" if found.free_at is None else f" until {clock_time(found.free_at)}"
         return (
-            f"held{until}: {len(times)} plans were sent to {send.robot} by themselves in the last "
-            f"hour, the limit is {most}"
+            f"held{until}: {found.sent} plans were sent to {send.robot} by themselves in the last "
+            f"hour, the limit is {found.config.most_sends_per_hour}"
         )
 
     async def _send(self, send: ScheduledSend, now: datetime) -> None:

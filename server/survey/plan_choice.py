@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
 from db.query.mission.plans import PlanRecord
 from server.base.foundation import Foundation
@@ -18,7 +17,7 @@ from server.plan.document import (
 from server.plan.drafting import outdated_by
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
-from server.plan.search.request import SETTINGS_FILTER, SearchRequest
+from server.plan.search.request import SearchRequest, as_set
 from server.plan.search.survey_round import AHEAD_OF
 from server.survey.mission_ledger import MissionLedger
 
@@ -94,7 +93,7 @@ class PlanChoices:
         if found:
             reasons = " ".join(one.message for one in found)
             raise conflict(f"{plan} is outdated: {reasons} Plan again.")
-        config = _as_set(record)
+        config = as_set(record)
         config_id = record.document["config_id"]
         if planning_time_s not in {None, config.planning_time_s}:
             config = config.model_copy(update={"planning_time_s": planning_time_s})
@@ -151,15 +150,6 @@ def _request(record: PlanRecord, config: PlannerConfig, by: str) -> SearchReques
         attempt=record.document.get("attempt", 0),
         ahead_of=record.document.get(AHEAD_OF),
         replaces=record.id,
-        settings_filter=_as_set(record).position_filter,
+        settings_filter=as_set(record).position_filter,
         current_text=record.document.get("current_text", ""),
     )
-
-
-def _as_set(record: PlanRecord) -> PlannerConfig:
-    """Return a plan's settings without what the robot had said of the current."""
-    config = PlannerConfig.model_validate(record.config)
-    kept = record.document.get(SETTINGS_FILTER)
-    if kept is None:
-        return config
-    return config.model_copy(update={"position_filter": EstimatorConfig.model_validate(kept)})

@@ -6,6 +6,7 @@ from typing import Any
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
+from db.query.mission.plans import PlanRecord
 from server.plan.search.survey_round import AHEAD_OF, REPLACES
 
 SETTINGS_FILTER = "settings_filter"
@@ -64,3 +65,12 @@ class SearchRequest:
             "current_text": self.current_text,
             "in_turn": self.in_turn,
         }
+
+
+def as_set(record: PlanRecord) -> PlannerConfig:
+    """Return a plan's settings without what the robot had said of the current."""
+    config = PlannerConfig.model_validate(record.config)
+    kept = record.document.get(SETTINGS_FILTER)
+    if kept is None:
+        return config
+    return config.model_copy(update={"position_filter": EstimatorConfig.model_validate(kept)})

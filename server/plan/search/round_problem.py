@@ -43,6 +43,7 @@ class RoundProblems:
         *,
         warm: tuple[tuple[Leg, ...], ...],
         attempt: int,
+        flown: FloatArray | None = None,
     ) -> SurveyProblem:
         """Return one round as a worker takes it.
 
@@ -53,8 +54,10 @@ class RoundProblems:
             budget: Energy units that it may spend.
             warm: Trajectories to begin with.
             attempt: How often the search went on from an earlier one.
+            flown: Where the robot itself samples before the round begins, shape ``(m, 5)``;
+                ``None`` for all that is left of what it flies.
         """
-        planned = await self._planned(plan.robot, config)
+        planned = await self._planned(plan.robot, config, flown)
         field = await self._field_config(plan.robot, config)
         return SurveyProblem(
             planner=config,
@@ -93,7 +96,9 @@ class RoundProblems:
         carrier = self._currents.carrier(robot)
         return await asyncio.to_thread(in_moving_water, taken, field, carrier, planner.domain)
 
-    async def _planned(self, robot: str, config: PlannerConfig) -> FloatArray:
+    async def _planned(
+        self, robot: str, config: PlannerConfig, flown: FloatArray | None
+    ) -> FloatArray:
         """Return the points at which robots of the site will sample, shape ``(m, 5)``.
 
         What this robot flies counts, and of others also what they are about to fly.
@@ -109,8 +114,12 @@ class RoundProblems:
         plans = await self._foundation.store.query(
             lambda session: _coming(session, robot, reports, now_s - oldest_s)
         )
-        rests = [planned_rest(plan, reports[plan.robot]) for plan in plans]
-        return np.concatenate([np.empty((0, 5)), *rests])
+        rests = [
+            planned_rest(plan, reports[plan.robot])
+            for plan in plans
+            if plan.robot != robot or flown is None
+        ]
+        return np.concatenate([np.empty((0, 5)) if flown is None else flown, *rests])
 
 
 def _coming(

@@ -50,6 +50,7 @@ export type {
   RobotBatteryView as RobotBattery,
   PredictionView as Prediction,
   JudgedPredictionsView as JudgedPredictions,
+  ContactWindowView as Contact,
   BoxOutput as Box,
   BrokenRow as RowFault,
   DetectionsView as Detections,
