@@ -79,6 +79,8 @@ class DryRunProblem:
     """Charge at the start, part of a full battery."""
     capacity_wh: float | None = None
     """Of the full battery; ``None`` is that of the vehicle."""
+    greatest_chance: float = 1.0
+    """Part of the flights that may leave the water or enter a keep-out; 1 is no limit."""
     processor_s: float = math.inf
     """No further flight begins once so much processor time is used, but for the least number."""
 
@@ -108,6 +110,43 @@ class Chance:
     name: str
     share: float
     """Part of the flights, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegOut:
+    """Flights that were out of the water, or in a keep-out, for the first time on one leg."""
+
+    leg: int
+    """Counted from 0."""
+    where: str
+    """The keep-out's name, or "the water" that they left."""
+    flights: int
+    beyond_m: float
+    """How far out, or in, they came at most on their whole way, m; the median of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """How often flights were where none may be."""
+
+    flights: int
+    out: int
+    """Of them left the water or entered a keep-out, at whatever depth."""
+    legs: tuple[LegOut, ...]
+    """By the leg on which they first did."""
+    short_m: float
+    """So much farther in, all flights would be out as rarely as the problem allows, m; 0 where they
+    are."""
+
+    @property
+    def chance(self) -> float:
+        """Chance that another flight is (Laplace's rule, so that few flights promise little)."""
+        return (self.out + 1.0) / (self.flights + 2.0)
+
+
+def allowed_flights(chance: float, flights: int) -> int:
+    """Return how many flights may be out for ``Safety.chance`` to be no more; -1: not even none."""
+    return math.floor(chance * (flights + 2.0) - 1.0 + 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +250,8 @@ class DryRun:
     scatter of the flights tells it."""
     band: FlightBand | None = None
     """Of many flights."""
+    safety: Safety | None = None
+    """Likewise."""
     not_rehearsed: str = ""
     """What was left out, for a person."""
 

@@ -260,6 +260,12 @@ class AdaptiveConfig(Configuration):
     rehearse: bool = quantity(True, title="Rehearse plans")
     """Fly each draft with the robot's full dynamics before it is offered, and show how far planned
     and flown track lie apart."""
+    greatest_chance: float = quantity(
+        1.0, title="Chance of leaving the water, at most", gt=0.0, le=1.0
+    )
+    """Where more of a plan's rehearsed flights leave the water or enter a keep-out, it is planned
+    again with a larger margin; a plan that still does is not ready, and says which leg it is. 200
+    flights can promise 0.005 at best, the 24 of a long plan 0.04; 1 sets no limit."""
 
 
 class PlannerConfig(Configuration):

@@ -32,6 +32,7 @@ from server.plan.view import (
     FlightBandView,
     InheritedView,
     LadderView,
+    LegOutView,
     LegView,
     LivePlanView,
     NearestView,
@@ -41,6 +42,7 @@ from server.plan.view import (
     PlanView,
     ProgressView,
     RunnerUpView,
+    SafetyView,
     SurfacingBandView,
     ViolationView,
     WayThereView,
@@ -443,6 +445,7 @@ def dry_run_view(found: Mapping[str, Any]) -> DryRunView:
     fields["nearest"] = [NearestView(**one) for one in found.get("nearest", ())]
     fields["broken"] = [ViolationView(**one) for one in found.get("broken", ())]
     fields["band"] = _band_view(found.get("band"))
+    fields["safety"] = _safety_view(found.get("safety"))
     return DryRunView(**fields)
 
 
@@ -455,6 +458,13 @@ def _band_view(band: Mapping[str, Any] | None) -> FlightBandView | None:
         "surfacings": [SurfacingBandView(**one) for one in band["surfacings"]],
     }
     return FlightBandView(**{**band, **parts})
+
+
+def _safety_view(safety: Mapping[str, Any] | None) -> SafetyView | None:
+    if safety is None:
+        return None
+    parts: dict[str, Any] = {"legs": [LegOutView(**one) for one in safety["legs"]]}
+    return SafetyView(**{**safety, **parts})
 
 
 def _broken(document: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -21,7 +21,8 @@ from robot_link.surfacing_order import SurfacingOrder
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
-from server.plan.document import Draft, legs_of
+from server.plan.chance import too_likely
+from server.plan.document import Draft, dry_run_view, legs_of
 from server.plan.expected import OUT_OF_BOUNDS
 from server.plan.target_check import outdated_target
 from server.plan.view import ViolationView
@@ -150,8 +151,8 @@ def ages_at(plan: PlanRecord, now: datetime) -> datetime | None:
 def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
     """Return what the dry run of a plan that waits says if the robot did not fly it as it must.
 
-    It did not if it came not to its end or into a keep-out, or if its expected track leaves the
-    safe water, as no leg may.
+    It did not if it came not to its end or into a keep-out, if its expected track leaves the safe
+    water, as no leg may, or if it is likelier to be out of that than the settings allow.
 
     The station sends no such plan by itself; a person may.
     """
@@ -159,10 +160,14 @@ def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
     if plan.state not in SENDABLE:
         return ()
     said: list[str] = []
+    config = PlannerConfig.model_validate(plan.config)
+    chance = too_likely(dry_run_view(dry_run) if dry_run else None, config)
     if dry_run.get("completed") is False or dry_run.get("entered"):
         said.append(dry_run["message"])
     broken = dry_run.get("broken", ())
     said += [one["message"] for one in broken if one["field"] in OUT_OF_BOUNDS]
-    if not said:
-        return ()
-    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {' '.join(said)}"),)
+    rehearsed = f"Its rehearsal says: {' '.join(said)}"
+    return (
+        *([ViolationView("adaptive.rehearse", rehearsed)] if said else []),
+        *([ViolationView("adaptive.greatest_chance", chance)] if chance else []),
+    )

@@ -185,6 +185,7 @@ class DryRuns:
             runs=RUNS,
             seed=config.seed,
             keep_outs=closed_areas(config, status.record.site),
+            greatest_chance=config.adaptive.greatest_chance,
             # a battery that tells nonsense, or that lets no mission begin, is no start to judge by
             battery=min(max(1.0 if told is None else told, _LEAST_CHARGE), 1.0),
         )

@@ -28,6 +28,7 @@ from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
 from server.plan.ahead import remaining_s
 from server.plan.battery import PlanBattery, battery_violations, way_there
+from server.plan.chance import with_margin
 from server.plan.document import (
     Draft,
     draft_document,
@@ -45,6 +46,7 @@ from server.plan.dry_run import DryRuns
 from server.plan.flow import PlanFlows, PlannedCurrent
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
+from server.plan.margin_search import Tried, safest
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.search.request import SearchRequest
 from server.plan.search.round_problem import RoundProblems
@@ -417,7 +419,33 @@ class Planning:
             found[NOTHING_FEASIBLE] = True
             await self._settle(plan.id, lambda: self._fail(plan.id, result.message, found))
         else:
-            await self._take(plan, config, best, found)
+
+            async def wider(added_m: float) -> Tried | None:
+                return await self._search_wider(plan, request, start_xy, added_m)
+
+            await self._take(plan, config, best, found, wider)
+
+    async def _search_wider(
+        self,
+        plan: PlanRecord,
+        request: SearchRequest,
+        start_xy: tuple[float, float],
+        added_m: float,
+    ) -> Tried | None:
+        """Search with more margin, and fly ahead what that finds; None if that is nothing."""
+        config, site = request.config, self._fleet.status(plan.robot).record.site
+        wide = replace(request, config=with_margin(config, site, added_m))
+        try:
+            result = await self._result(plan, wide, start_xy)
+        except (*WORKER_FAILURES, StoreUnavailableError) as error:
+            log.warning("%s was not planned with more margin: %s", plan.id, error)
+            return None
+        best = result.best
+        if best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
+            return None
+        message = f"{result.message} With {added_m:.2g} m more margin, to leave the water rarely."
+        found = search_document(config.objective, message, best, result.runners_up, result.history)
+        return await self._try(plan, config, best, found)
 
     async def _result(
         self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
@@ -441,9 +469,42 @@ class Planning:
         )
 
     async def _take(
-        self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
+        self,
+        plan: PlanRecord,
+        config: PlannerConfig,
+        best: Candidate,
+        found: Mapping[str, Any],
+        wider: Callable[[float], Awaitable[Tried | None]] | None = None,
     ) -> None:
-        """Make a draft of a trajectory, after a dry run if that is wanted."""
+        """Make a draft of a trajectory, after a dry run if that is wanted.
+
+        ``wider`` searches with more margin, where the dry run leaves the water too often.
+        """
+        one = await self._try(plan, config, best, found)
+        if one is not None and wider is not None:
+            one, last = await safest(one, config, wider)
+            if one is not last:
+                kept = await self._keep_found(plan, config, one.best, one.found)
+                one = None if kept is None else replace(one, kept=kept)
+        if one is not None and one.dry_run is not None:
+            kept, dry_run = one.kept, one.dry_run
+            await self._settle(plan.id, lambda: self._offer(kept, dry_run))
+
+    async def _try(
+        self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
+    ) -> Tried | None:
+        """Keep a trajectory, and fly it ahead if that is wanted; None if the plan was ended."""
+        kept = await self._keep_found(plan, config, best, found)
+        if kept is None:
+            return None
+        is_flown = kept.state == "planning"
+        dry_run = await self._dry_runs.fly(kept, config) if is_flown else None
+        return Tried(best, found, kept, dry_run)
+
+    async def _keep_found(
+        self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
+    ) -> PlanRecord | None:
+        """Keep a trajectory as soon as storage takes it; None if the plan was ended meanwhile."""
         text = f"{plan.id} for {plan.robot} is a draft: {found['message']}"
         kept: list[PlanRecord] = []
 
@@ -452,8 +513,7 @@ class Planning:
             kept.append(await self._keep(plan, config, draft, text, found))
 
         await self._settle(plan.id, keep)
-        if kept and kept[-1].state == "planning":
-            await self._fly_ahead(kept[-1], config)
+        return kept[-1] if kept else None
 
     async def _keep(
         self,

@@ -245,6 +245,32 @@ class FlightBandView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class LegOutView(View):
+    """Flights that were out of the water, or in a keep-out, for the first time on one leg."""
+
+    leg: int
+    """Counted from 0."""
+    where: str
+    """The keep-out's name, or "the water" that they left."""
+    flights: int
+    beyond_m: float
+    """How far out, or in, they came at most; the median of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyView(View):
+    """How often the flights of a dry run were where none may be."""
+
+    flights: int
+    out: int
+    """Of them left the water or entered a keep-out."""
+    legs: list[LegOutView]
+    """By the leg on which they first did."""
+    short_m: float
+    """By so much more margin as few would have as the plan's settings allow; 0 where they do."""
+
+
+@dataclass(frozen=True, slots=True)
 class DryRunView(View):
     """A plan flown ahead against the robot's full dynamics."""
 
@@ -287,6 +313,8 @@ class DryRunView(View):
     """Limits that the expected track breaks; they are among the plan's warnings."""
     band: FlightBandView | None = None
     """Where all flights were, and what became of them; ``null`` in plans of an earlier version."""
+    safety: SafetyView | None = None
+    """How often they left the water or entered a keep-out; likewise."""
     not_rehearsed: str = ""
     """What the flights left out, a sentence."""
     message: str = ""

@@ -30,6 +30,7 @@ from simulator.ahead.comparison import Flight, compared
 from simulator.ahead.draw import drawn_for
 from simulator.ahead.flight import FlightCancelledError, FlightPlan, Flown, fly
 from simulator.ahead.pack import Grain
+from simulator.ahead.safety import safety_of
 from simulator.ahead.state import (
     ROW_EAST,
     ROW_LEG,
@@ -76,7 +77,12 @@ def run(
     flights = flown(problem, report, is_cancelled)
     found = compared(problem, [_as_flight(one) for one in flights])
     left_out = LEFT_OUT + (LEFT_OUT_RULES if problem.mission.rules is not None else "")
-    return replace(found, band=band_of(problem, flights), not_rehearsed=left_out)
+    return replace(
+        found,
+        band=band_of(problem, flights),
+        safety=safety_of(problem, flights),
+        not_rehearsed=left_out,
+    )
 
 
 def flown(

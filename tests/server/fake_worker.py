@@ -2,13 +2,14 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
-from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack
+from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack, Safety
 from server.base.worker import WorkerPool, WorkerTaskError
 from server.map.task import COMPARE_MAPS
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -38,6 +39,8 @@ class FakeWorkers:
         """How many of the next dry runs do not come to the end of their plan."""
         self.enters: tuple[str, ...] = ()
         """Keep-outs that every dry run leads into."""
+        self.safety: list[Safety] = []
+        """How often the flights of the next dry runs leave the water; of all later ones none."""
         self.map_std = 1.0
         self.run_really = WorkerPool.run
 
@@ -78,7 +81,9 @@ class FakeWorkers:
             return self.plan(payload)
         if isinstance(payload, DryRunProblem):
             self.breaks_off -= 1
-            return dry_run_of(payload, completed=self.breaks_off < 0, entered=self.enters)
+            found = dry_run_of(payload, completed=self.breaks_off < 0, entered=self.enters)
+            safe = Safety(payload.runs, 0, (), 0.0)
+            return replace(found, safety=self.safety.pop(0) if self.safety else safe)
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(
