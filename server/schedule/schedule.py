@@ -51,7 +51,15 @@ LONGEST: Final = timedelta(days=14)
 DEFAULT_LIFE: Final = timedelta(hours=12)
 _HOUR: Final = timedelta(hours=1)
 _REST_S: Final = 0.5
-_ARRIVED: Final = ("kept", "on_board", "running")
+_ARRIVED: Final = {
+    "kept": "{plan} waits on board of {robot} behind the plan that it flies.",
+    "on_board": "{plan} is on board of {robot}.",
+    "running": "{robot} flies {plan}.",
+}
+"""What is said of a plan that the robot has, by the state of its transfer."""
+_REFUSED_S: Final = 60.0
+"""One that was refused is looked at again after so long by the wall; most ends of a refusal are
+told by an event before."""
 _EXPIRED: Final = "schedule.expired"
 
 
@@ -87,6 +95,8 @@ class Schedule:
         self._transfers = transfers
         self._open: dict[str, dict[str, ScheduledSend]] = {}
         """What has not ended, by robot."""
+        self._again_at: dict[str, datetime] = {}
+        """When one that is due and was not sent may be, by time alone."""
         self._looks = Wakeups(foundation.clock, _REST_S)
 
     async def load(self) -> None:
@@ -102,6 +112,7 @@ class Schedule:
             sends[send.id] = send
         else:
             sends.pop(send.id, None)
+            self._again_at.pop(send.id, None)
         self._looks.wake(send.robot)
 
     def wake(self, robot: str | None) -> None:
@@ -170,19 +181,22 @@ class Schedule:
 
         Raises:
             UnknownIdError: If there is none of this id.
-            Problem: 409 if it has ended.
+            Problem: 409 if it has ended, or the robot has the plan.
         """
         at = self._clock.now()
 
-        def write(session: Session) -> ScheduledSend | None:
-            plan = query.get_scheduled_send(session, schedule).plan
-            text = f"{by} cancelled sending {plan}."
-            return apply(session, schedule, SendEvidence.CANCELLED, text, at)
+        def write(session: Session) -> tuple[ScheduledSend, ScheduledSend]:
+            before = query.get_scheduled_send(session, schedule)
+            arrival = _arrival(_transfer_of(session, before))
+            if arrival:
+                raise conflict(f"{arrival} There is nothing to cancel.")
+            text = f"{by} cancelled sending {before.plan}."
+            after = apply(session, schedule, SendEvidence.CANCELLED, text, at)
+            if after is None:
+                raise conflict(f"{schedule} is {before.state}; there is nothing to cancel.")
+            return before, after
 
-        before = await self._store.query(lambda s: query.get_scheduled_send(s, schedule))
-        after = await self._store.write(write)
-        if after is None:
-            raise conflict(f"{schedule} is {before.state}; there is nothing to cancel.")
+        before, after = await self._store.write(write)
         await self._withdraw(before, after.reason)
         return after
 
@@ -216,16 +230,15 @@ class Schedule:
     def _set_due(self, robot: str) -> None:
         """Have a look at the next moment that time alone changes something."""
         moments: list[datetime] = []
-        now = self._clock.now()
         for send in self._open.get(robot, {}).values():
-            at = moment_of(condition_of(send.condition))
-            moments += [one for one in (send.expires_at, at) if one is not None and one > now]
-            if send.due_at is not None:  # held, or refused a moment ago
-                moments.append(now + timedelta(seconds=5.0 * max(1.0, self._clock.speed)))
+            at = moment_of(condition_of(send.condition)) if send.due_at is None else None
+            again_at = self._again_at.get(send.id)
+            moments += [one for one in (send.expires_at, at, again_at) if one is not None]
         self._looks.set_due(robot, min(moments, default=None))
 
     async def _look_at(self, send: ScheduledSend) -> None:
         now = self._clock.now()
+        self._again_at.pop(send.id, None)
         if send.state == "sent":
             await self._follow(send, now)
             return
@@ -292,7 +305,10 @@ class Schedule:
         found = await self.allowance(send.robot)
         if found.is_free:
             return ""
-        until = "" if found.free_at is None else f" until {clock_time(found.free_at)}"
+        until = ""
+        if found.free_at is not None:
+            self._again_at[send.id] = found.free_at
+            until = f" until {clock_time(found.free_at)}"
         return (
             f"held{until}: {found.sent} plans were sent to {send.robot} by themselves in the last "
             f"hour, the limit is {found.config.most_sends_per_hour}"
@@ -319,13 +335,17 @@ class Schedule:
         except WithdrawnError:
             log.info("%s ended before it was sent", send.id)
         except Problem as problem:
+            rest = timedelta(seconds=_REFUSED_S * self._clock.speed)
+            self._again_at[send.id] = now + rest
             await self._note_reason(send, problem.detail)
 
     async def _follow(self, send: ScheduledSend, now: datetime) -> None:
         """Take what became of a transfer; one that has not arrived when its time is over ends."""
         transfer = await self._store.query(lambda s: _transfer_of(s, send))
-        if transfer is None or transfer.state in _ARRIVED:
-            text = f"{send.plan} is on board of {send.robot}."
+        if transfer is None:
+            why = "its transfer is not known any more"
+            await self._drop(send, SendEvidence.FAILED, why, now)
+        elif text := _arrival(transfer):
             await self._store.write(lambda s: apply(s, send.id, SendEvidence.ARRIVED, text, now))
         elif transfer.ended_at is not None:
             await self._drop(send, SendEvidence.FAILED, transfer.reason, now)
@@ -337,7 +357,7 @@ class Schedule:
     async def _withdraw(self, send: ScheduledSend, reason: str) -> None:
         """End the transfer of one that is on its way."""
         transfer = await self._store.query(lambda s: _transfer_of(s, send))
-        if transfer is not None and transfer.ended_at is None and transfer.state not in _ARRIVED:
+        if transfer is not None and transfer.ended_at is None and not _arrival(transfer):
             await self._transfers.withdraw(send.robot, reason)
 
     async def _drop(
@@ -360,6 +380,14 @@ def _transfer_of(session: Session, send: ScheduledSend) -> TransferRecord | None
     found = None if newest is None else get_transfer(session, newest)
     since = send.sent_at
     return found if found is not None and since is not None and send.state == "sent" else None
+
+
+def _arrival(transfer: TransferRecord | None) -> str:
+    """Return that a robot has the plan of a transfer, in a sentence, or ""."""
+    if transfer is None:
+        return ""
+    text = _ARRIVED.get(transfer.state, "")
+    return text.format(plan=transfer.plan, robot=transfer.robot)
 
 
 def _route(route: str) -> RequestedLink:
