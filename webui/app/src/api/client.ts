@@ -1,5 +1,6 @@
 import createClient from 'openapi-fetch';
 import type { components, paths } from './generated/station';
+import { AccessApi } from './access';
 import { done, newKey, of, told, versioned } from './call';
 import { ChannelApi } from './channel';
 import { DemoApi } from './demo';
@@ -44,7 +45,8 @@ export class Api {
       onRequest: ({ request }) => {
         if (request.method === 'GET') return;
         request.headers.set('X-CSRF-Token', this.csrf);
-        if (request.method === 'POST') request.headers.set('Idempotency-Key', newKey());
+        if (request.method !== 'POST' || request.headers.has('Idempotency-Key')) return;
+        request.headers.set('Idempotency-Key', newKey());
       },
       onResponse: async ({ response, schemaPath }) => {
         if (response.ok) return;
@@ -76,6 +78,7 @@ export class Api {
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
   readonly demo = new DemoApi(this.#http);
+  readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
   readonly water = new WaterApi(this.#http);
@@ -362,12 +365,6 @@ export class Api {
   changeGateway = (kind: Schemas['GatewayView']['kind'], body: Schemas['AccountBody']) =>
     done(this.#http.PUT('/api/gateways/{kind}', { ...of({ kind }), body }));
 
-  signing = async () => (await told(this.#http.GET('/api/signing'))).robots;
-  makeSigningKey = (robot: string) =>
-    told(this.#http.POST('/api/robots/{robot}/signing-key', of({ robot })));
-  turnSigningOff = (robot: string) =>
-    done(this.#http.DELETE('/api/robots/{robot}/signing-key', of({ robot })));
-
   events = (query: Query<'/api/events'>) =>
     told(this.#http.GET('/api/events', { params: { query } }));
 
@@ -395,15 +392,4 @@ export class Api {
 
   job = (job: string) => told(this.#http.GET('/api/jobs/{job}', of({ job })));
   cancelJob = (job: string) => done(this.#http.DELETE('/api/jobs/{job}', of({ job })));
-
-  people = async () => (await told(this.#http.GET('/api/people'))).people;
-
-  addPerson = (body: Schemas['PersonBody']) => told(this.#http.POST('/api/people', { body }));
-
-  changePerson = (name: string, body: Schemas['PersonPatch']) =>
-    told(this.#http.PATCH('/api/people/{name}', { ...of({ name }), body }));
-
-  tokens = async () => (await told(this.#http.GET('/api/tokens'))).tokens;
-  createToken = (body: Schemas['TokenBody']) => told(this.#http.POST('/api/tokens', { body }));
-  revokeToken = (token: string) => done(this.#http.DELETE('/api/tokens/{token}', of({ token })));
 }

@@ -44,24 +44,33 @@ export class DesignApi {
       }),
     );
 
-  undo = (design: string, revision: number) =>
-    told(this.#http.POST('/api/designs/{design}/undo', from(design, revision)));
+  undo = (design: string, revision: number, key: string) =>
+    told(
+      this.#http.POST('/api/designs/{design}/undo', { ...from(design, revision), ...once(key) }),
+    );
 
-  redo = (design: string, revision: number) =>
-    told(this.#http.POST('/api/designs/{design}/redo', from(design, revision)));
+  redo = (design: string, revision: number, key: string) =>
+    told(
+      this.#http.POST('/api/designs/{design}/redo', { ...from(design, revision), ...once(key) }),
+    );
 
-  saveVersion = (design: string, revision: number, comment: string) =>
+  saveVersion = (design: string, revision: number, comment: string, key: string) =>
     told(
       this.#http.POST('/api/designs/{design}/versions', {
         ...from(design, revision),
+        ...once(key),
         body: { comment },
       }),
     );
 
-  restore = (design: string, revision: number, version: number) =>
+  version = (design: string, number: number) =>
+    told(this.#http.GET('/api/designs/{design}/versions/{number}', of({ design, number })));
+
+  restore = (design: string, revision: number, version: number, key: string) =>
     told(
       this.#http.POST('/api/designs/{design}/restore', {
         ...from(design, revision),
+        ...once(key),
         body: { version },
       }),
     );
@@ -115,4 +124,9 @@ export class DesignApi {
 
 function from(design: string, revision: number) {
   return { params: { path: { design }, header: { 'if-match': `"${revision}"` } } };
+}
+
+/** What is asked again under the same key acts once. */
+function once(key: string) {
+  return { headers: { 'Idempotency-Key': key } };
 }

@@ -1,24 +1,28 @@
+import { newKey } from '../../api/call';
 import { Problem, sentence } from '../../api/problem';
 import { same, type Design, type DesignView } from './document';
 import type { SafetyCopies } from './safety_copy';
 
-/** What the station does for one design; each call names the revision that it goes out from. */
+/**
+ * What the station does for one design; each call names the revision that it goes out from. One
+ * that is repeated with the same key acts once and gets the first one's answer.
+ */
 export interface DesignStore {
   read: () => Promise<DesignView>;
   put: (revision: number, document: Design, what: string) => Promise<DesignView>;
-  undo: (revision: number) => Promise<DesignView>;
-  redo: (revision: number) => Promise<DesignView>;
-  saveVersion: (revision: number, comment: string) => Promise<DesignView>;
-  restore: (revision: number, version: number) => Promise<DesignView>;
+  undo: (revision: number, key: string) => Promise<DesignView>;
+  redo: (revision: number, key: string) => Promise<DesignView>;
+  saveVersion: (revision: number, comment: string, key: string) => Promise<DesignView>;
+  restore: (revision: number, version: number, key: string) => Promise<DesignView>;
   /** Keep a document as a design of its own; tells its name. */
   copy: (name: string, document: Design) => Promise<void>;
 }
 
 type Order =
   | { kind: 'put'; document: Design; what: string; joins: string }
-  | { kind: 'undo' | 'redo' }
-  | { kind: 'version'; comment: string }
-  | { kind: 'restore'; version: number };
+  | { kind: 'undo' | 'redo'; key: string }
+  | { kind: 'version'; comment: string; key: string }
+  | { kind: 'restore'; version: number; key: string };
 
 export type Keeping = 'kept' | 'keeping' | 'away' | 'refused' | 'conflict';
 
@@ -61,6 +65,7 @@ export class Keeper {
   #isHeld = false;
   #previewedMs = -Infinity;
   #wake: (() => void) | null = null;
+  #settling: (() => void)[] = [];
   #isOver = false;
   readonly #store: DesignStore;
   readonly #copies: SafetyCopies;
@@ -120,7 +125,7 @@ export class Keeper {
       this.#future = [...this.#future, this.document];
       this.#show(before);
     }
-    this.#give([...this.#orders, { kind: 'undo' }]);
+    this.#give([...this.#orders, { kind: 'undo', key: newKey() }]);
   }
 
   redo(): void {
@@ -131,22 +136,22 @@ export class Keeper {
       this.#past = [...this.#past, this.document];
       this.#show(after);
     }
-    this.#give([...this.#orders, { kind: 'redo' }]);
+    this.#give([...this.#orders, { kind: 'redo', key: newKey() }]);
   }
 
   saveVersion(comment: string): void {
-    this.#give([...this.#orders, { kind: 'version', comment }]);
+    this.#give([...this.#orders, { kind: 'version', comment, key: newKey() }]);
   }
 
   restore(version: number): void {
     this.#past = this.#future = [];
-    this.#give([...this.#orders, { kind: 'restore', version }]);
+    this.#give([...this.#orders, { kind: 'restore', version, key: newKey() }]);
   }
 
   /** Everything that waits is kept, or nothing goes on; tells which. */
   async settled(): Promise<boolean> {
     while (this.#orders.length > 0 && this.keeping === 'keeping') {
-      await new Promise((go) => setTimeout(go, 20));
+      await new Promise<void>((go) => this.#settling.push(go));
     }
     return this.keeping === 'kept';
   }
@@ -187,7 +192,7 @@ export class Keeper {
     if (!conflict) return;
     const theirs = await this.#store.read();
     const about = `${theirs.changed_by}: ${theirs.what}`;
-    const kept = await this.#store.saveVersion(theirs.revision, about.slice(0, 200));
+    const kept = await this.#store.saveVersion(theirs.revision, about.slice(0, 200), newKey());
     this.#resolve(kept);
     this.#past = [theirs.document];
     const what = `Put on top of a change by ${theirs.changed_by}`;
@@ -229,19 +234,30 @@ export class Keeper {
       if (this.keeping !== 'away') this.keeping = 'keeping';
       try {
         const view = await this.#send(order);
-        this.#orders = this.#orders.slice(1);
-        this.refusal = '';
-        this.errors = [];
-        if (this.#orders.length === 0) this.#take(view);
-        else this.view = view;
+        this.#done(view, this.#orders.slice(1));
       } catch (error) {
         if (isAway(error)) await this.#rest();
-        else if (error instanceof Problem && error.status === 412) await this.#clash();
+        else if (error instanceof Problem && error.status === 412) await this.#clash(order);
         else this.#refuse(error);
-        if (this.conflict) break;
       }
+      this.#tell();
+      if (this.conflict) break;
     }
     this.#isRunning = false;
+  }
+
+  /** Let those who wait until it is settled look again. */
+  #tell(): void {
+    for (const go of this.#settling.splice(0)) go();
+  }
+
+  /** The station has what was ordered; `orders` are left. */
+  #done(view: DesignView, orders: Order[]): void {
+    this.#orders = orders;
+    this.refusal = '';
+    this.errors = [];
+    if (orders.length === 0) this.#take(view);
+    else this.view = view;
   }
 
   #send(order: Order): Promise<DesignView> {
@@ -250,11 +266,11 @@ export class Keeper {
       case 'put':
         return this.#store.put(revision, order.document, order.what);
       case 'version':
-        return this.#store.saveVersion(revision, order.comment);
+        return this.#store.saveVersion(revision, order.comment, order.key);
       case 'restore':
-        return this.#store.restore(revision, order.version);
+        return this.#store.restore(revision, order.version, order.key);
       default:
-        return this.#store[order.kind](revision);
+        return this.#store[order.kind](revision, order.key);
     }
   }
 
@@ -270,6 +286,7 @@ export class Keeper {
   async #rest(): Promise<void> {
     this.keeping = 'away';
     this.refusal = 'station does not answer';
+    this.#tell();
     await new Promise<void>((go) => {
       const timer = setTimeout(go, RETRY_MS);
       this.#wake = () => {
@@ -281,12 +298,16 @@ export class Keeper {
   }
 
   /** What was sent as a change may have been taken although the answer was lost. */
-  async #clash(): Promise<void> {
+  async #clash(order: Order): Promise<void> {
     try {
       const theirs = await this.#store.read();
+      if (order.kind === 'put' && same(theirs.document, order.document)) {
+        this.#done(theirs, this.#orders.slice(1));
+        return;
+      }
       if (same(theirs.document, this.document)) {
-        this.#resolve(theirs);
-        this.#take(theirs);
+        const versions = this.#orders.filter(({ kind }) => kind === 'version');
+        this.#done(theirs, versions);
         return;
       }
       this.conflict = { theirs, mine: this.document };

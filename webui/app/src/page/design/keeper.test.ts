@@ -75,11 +75,12 @@ class Kept implements DesignStore {
   }
   undo = async (revision: number) => Promise.resolve().then(() => this.#move(revision, -1));
   redo = async (revision: number) => Promise.resolve().then(() => this.#move(revision, 1));
-  saveVersion = async (revision: number, comment: string) => {
+  readonly #answered = new Set<string>();
+  saveVersion = async (revision: number, comment: string, key: string) => {
     await Promise.resolve();
     this.#begin(revision);
-    this.versions.push(comment);
-    this.revision++;
+    if (!this.#answered.has(key)) this.versions.push(comment);
+    this.#answered.add(key);
     return this.view();
   };
   restore = (revision: number) => this.undo(revision);
@@ -241,6 +242,43 @@ describe('two editors', () => {
     expect(keeper.conflict).toBeNull();
     expect(keeper.keeping).toBe('kept');
     expect(station.steps.length).toBe(2);
+  });
+});
+
+describe('an answer that was lost', () => {
+  function lose(method: 'put' | 'saveVersion'): void {
+    const whole = station[method] as (...call: unknown[]) => Promise<DesignView>;
+    Object.assign(station, {
+      [method]: async (...call: unknown[]) => {
+        Object.assign(station, { [method]: whole });
+        await whole(...call);
+        throw AWAY;
+      },
+    });
+  }
+
+  test('is no conflict with oneself while another change waits', async () => {
+    lose('put');
+    keeper.change(design(1), 'Moved waypoint 1');
+    keeper.change(design(2), 'Moved waypoint 2');
+    keeper.saveVersion('moved');
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(keeper.conflict).toBeNull();
+    expect(station.steps.map(({ document }) => document)).toEqual([
+      design(0),
+      design(1),
+      design(2),
+    ]);
+    expect(station.versions).toEqual(['moved']);
+    expect(keeper.keeping).toBe('kept');
+  });
+
+  test('of a version makes no second one', async () => {
+    lose('saveVersion');
+    keeper.saveVersion('as it is');
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(station.versions).toEqual(['as it is']);
+    expect(keeper.keeping).toBe('kept');
   });
 });
 

@@ -1,44 +1,67 @@
 import type { Plan } from '../../api/types';
+import { Fetched } from '../../live/fetched.svelte';
 import { PlanWatch } from '../../live/plan_watch.svelte';
 import type { Station } from '../../live/station.svelte';
 import type { Outline } from './account.svelte';
+import { same, type Design, type DesignView } from './document';
 
 /** How far apart ends of legs may lie that are the same, m: what rounding leaves. */
 const SAME_M = 0.01;
 
+/** What a trial is judged by: the design on the screen. */
+export interface Drawn {
+  view: () => DesignView;
+  document: () => Design;
+  /** The design as the station laid it out; `null` until it has. */
+  outline: () => Outline | null;
+}
+
 /** The plan that was made of a design to try it, and whether the design is still that. */
 export class Trial {
-  /** Plan that was just asked for. */
-  asked = $state.raw<string | null>(null);
+  /** Plan that was just asked for, and what it is of. */
+  #asked = $state.raw<{ plan: string; document: Design } | null>(null);
   readonly watch: PlanWatch;
-  readonly #newest: () => string | null;
-  readonly #outline: () => Outline | null;
+  readonly #drawn: Drawn;
+  readonly #version: Fetched<Design | null>;
 
-  /**
-   * @param newest plan that was made last of any version
-   * @param outline the design on the screen as the station laid it out; `null` until it has
-   */
-  constructor(station: Station, newest: () => string | null, outline: () => Outline | null) {
+  constructor(station: Station, drawn: Drawn) {
     this.watch = new PlanWatch(station);
-    this.#newest = newest;
-    this.#outline = outline;
+    this.#drawn = drawn;
+    this.#version = new Fetched(async () => {
+      const newest = this.#newest;
+      if (!newest?.plan) return null;
+      return (await station.api.design.version(drawn.view().id, newest.number)).document;
+    });
   }
 
-  readonly planId = $derived.by(() => this.asked ?? this.#newest());
+  readonly #newest = $derived.by(() => this.#drawn.view().versions[0] ?? null);
+  readonly planId = $derived.by(() => this.#asked?.plan ?? this.#newest?.plan ?? null);
   readonly plan = $derived.by((): Plan | null => this.watch.plan);
 
   /** Whether the design on the screen is what was tried; `null` while nobody can tell. */
   readonly isCurrent = $derived.by((): boolean | null => {
-    const [plan, outline] = [this.plan, this.#outline()];
-    return plan === null || outline === null ? null : hasLegs(outline, plan);
+    const tried = this.#asked?.document ?? this.#version.value;
+    const outline = this.#drawn.outline();
+    if (!this.plan || !outline || !tried) return null;
+    // The same design is laid out otherwise once the current or the robot's settings are others.
+    return same(tried, this.#drawn.document()) && hasLegs(outline, this.plan);
   });
 
   /** The tried plan where it tells of the design on the screen. */
   readonly shown = $derived.by((): Plan | null => (this.isCurrent ? this.plan : null));
 
+  /** A plan was asked for. */
+  begin(plan: string, document: Design): void {
+    this.#asked = { plan, document };
+  }
+
   /** Follow the plan until the returned function is called; for effects. */
   follow(): () => void {
-    return this.watch.follow(this.planId);
+    const number = String(this.#newest?.number ?? '');
+    const stop = [this.watch.follow(this.planId), this.#version.follow(number)];
+    return () => {
+      for (const each of stop) each();
+    };
   }
 }
 

@@ -1,0 +1,31 @@
+import type { Client } from 'openapi-fetch';
+import { done, of, told } from './call';
+import type { components, paths } from './generated/station';
+
+type Schemas = components['schemas'];
+
+/** Who and what may speak with the station: people, tokens of scripts, keys of robots. */
+export class AccessApi {
+  readonly #http: Client<paths, 'application/json'>;
+
+  constructor(http: Client<paths, 'application/json'>) {
+    this.#http = http;
+  }
+
+  people = async () => (await told(this.#http.GET('/api/people'))).people;
+
+  addPerson = (body: Schemas['PersonBody']) => told(this.#http.POST('/api/people', { body }));
+
+  changePerson = (name: string, body: Schemas['PersonPatch']) =>
+    told(this.#http.PATCH('/api/people/{name}', { ...of({ name }), body }));
+
+  tokens = async () => (await told(this.#http.GET('/api/tokens'))).tokens;
+  createToken = (body: Schemas['TokenBody']) => told(this.#http.POST('/api/tokens', { body }));
+  revokeToken = (token: string) => done(this.#http.DELETE('/api/tokens/{token}', of({ token })));
+
+  signing = async () => (await told(this.#http.GET('/api/signing'))).robots;
+  makeSigningKey = (robot: string) =>
+    told(this.#http.POST('/api/robots/{robot}/signing-key', of({ robot })));
+  turnSigningOff = (robot: string) =>
+    done(this.#http.DELETE('/api/robots/{robot}/signing-key', of({ robot })));
+}
