@@ -1,5 +1,6 @@
 """Designs moved as a whole, and designs made of the legs of a plan."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -64,25 +65,12 @@ def design_of_legs(legs: Sequence[Leg]) -> Design:
         raise ValueError("the plan only stays at several places")
     first = legs[0].start_ned
     waypoints = [Waypoint(north_m=first[0], east_m=first[1])]
-    deepest_m = 0.0
-    speed_m_s = None
+    dive: list[Leg] = []
     for leg in legs:
-        deepest_m = max(deepest_m, leg.end_ned[2])
-        if leg.kind is not PrimitiveKind.SWIM:
-            speed_m_s = leg.speed_m_s
-        if leg.end_ned[2] > _AT_SURFACE_M:
-            continue
-        is_swim = deepest_m <= _AT_SURFACE_M
-        waypoints.append(
-            Waypoint(
-                north_m=leg.end_ned[0],
-                east_m=leg.end_ned[1],
-                motion="swim" if is_swim else "glide",
-                deep_m=None if is_swim else deepest_m,
-                speed_m_s=leg.speed_m_s if is_swim else speed_m_s,
-            )
-        )
-        deepest_m, speed_m_s = 0.0, None
+        dive.append(leg)
+        if leg.end_ned[2] <= _AT_SURFACE_M:
+            waypoints.append(_waypoint(dive))
+            dive = []
     if len(waypoints) > WAYPOINTS_MAX:
         raise ValueError(
             f"the plan comes up {len(waypoints) - 1} times; a design has at most {WAYPOINTS_MAX}"
@@ -90,6 +78,25 @@ def design_of_legs(legs: Sequence[Leg]) -> Design:
         )
     return Design(
         content=Way(waypoints=tuple(waypoints)), manner=Manner(), surfacing=SurfacingRules()
+    )
+
+
+def _waypoint(dive: Sequence[Leg]) -> Waypoint:
+    """Return the place where a dive comes up, and how the robot comes there."""
+    end, deep_m = dive[-1].end_ned, max(leg.end_ned[2] for leg in dive)
+    if deep_m <= _AT_SURFACE_M:
+        speed_m_s = dive[-1].speed_m_s
+        return Waypoint(north_m=end[0], east_m=end[1], motion="swim", speed_m_s=speed_m_s)
+    glides = [leg for leg in dive if leg.kind is PrimitiveKind.GLIDE]
+    across_m = sum(math.dist(leg.start_ned[:2], leg.end_ned[:2]) for leg in glides)
+    down_m = sum(abs(leg.end_ned[2] - leg.start_ned[2]) for leg in glides)
+    return Waypoint(
+        north_m=end[0],
+        east_m=end[1],
+        motion="glide",
+        deep_m=deep_m,
+        glide_angle_rad=math.atan2(down_m, across_m) if across_m > 0.0 else None,
+        speed_m_s=[leg for leg in dive if leg.kind is not PrimitiveKind.SWIM][-1].speed_m_s,
     )
 
 

@@ -222,6 +222,17 @@ def test_a_stay_is_one_leg_at_its_place_that_may_be_flown(rng):
     assert again.content == stay
 
 
+def test_legs_that_become_a_design_again_are_flown_as_before(rng):
+    steep_rad, deep_m = rng.uniform(0.5, 0.9), rng.uniform(6.0, 10.0)
+    places = [(220.0, 220.0), (220.0, 290.0), (280.0, 290.0)]
+    way = Way(waypoints=tuple(Waypoint(north_m=n, east_m=e) for n, e in places))
+    manner = Manner(deep_m=deep_m, glide_angle_rad=steep_rad)
+    before, _ = laid(Design(content=way, manner=manner))
+    again, _ = laid(design_of_legs(before.legs))
+    ends = [np.array([leg.end_ned for leg in found.legs]) for found in (before, again)]
+    np.testing.assert_allclose(*ends, atol=1e-6)
+
+
 def test_a_stay_in_a_current_that_is_too_strong_names_its_place():
     stay = StationKeep(place={"north_m": 250.0, "east_m": 250.0}, radius_m=10.0, duration_s=60.0)
     design = Design(content=stay)
