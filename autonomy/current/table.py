@@ -92,9 +92,15 @@ def uniform_flow(table: FlowTable) -> tuple[float, float]:
     return north, east
 
 
-def largest_speed_m_s(table: FlowTable) -> float:
-    """Return the speed of the strongest current of a table."""
-    return float(np.hypot(table.values[..., 0], table.values[..., 1]).max())
+def largest_speed_m_s(record: FlowRecord) -> float:
+    """Return the speed of the strongest current of a record, looked for once."""
+    return _strongest_m_s(record.values, record.shape)
+
+
+@lru_cache(maxsize=32)
+def _strongest_m_s(values: str, shape: tuple[int, ...]) -> float:
+    flow = _unpacked(values, shape)
+    return float(np.hypot(flow[..., 0], flow[..., 1]).max())
 
 
 def flow_at(table: FlowTable, x: float, y: float, z: float, t: float) -> tuple[float, float]:

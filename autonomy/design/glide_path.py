@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from autonomy.current.table import flow_at
+from autonomy.current.table import flow_at, is_uniform, uniform_flow
 from autonomy.design.document import (
     Design,
     Manner,
@@ -202,7 +202,9 @@ class _Layout:
         north_m, east_m = (origin[0] + 0.5 * float(way[0]), origin[1] + 0.5 * float(way[1]))
         deep_m = 0.5 * self._usual_deep_m(manner)
         table = config.current.table
-        current = np.array(flow_at(table, north_m, east_m, deep_m, self._begin.time_s))
+        is_known = is_uniform(table)
+        place = (north_m, east_m, deep_m, self._begin.time_s)
+        current = np.array(uniform_flow(table) if is_known else flow_at(table, *place))
         a = through_m_s**2 - float(current @ current)
         b = float(way @ current)
         root = b * b + a * float(way @ way)

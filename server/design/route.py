@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, Query, Response
+from pydantic import TypeAdapter
 
 from autonomy.design.document import Design
 from db.query.mission.designs import DesignChangedError, DesignRecord, DesignVersion
@@ -36,6 +37,9 @@ DesignsDep = Annotated[Designs, Depends(service(Designs))]
 SidesDep = Annotated[Sides, Depends(service(Sides))]
 _SIDE = "`working`, `version:3`, `plan:plan-12`, or `on_board` for what the robot has on board."
 Side = Annotated[str, Query(description=_SIDE, max_length=80)]
+
+
+_OUTLINE = TypeAdapter(OutlineView)
 
 
 async def revision_of(if_match: Annotated[str | None, Header()] = None) -> int:
@@ -75,13 +79,15 @@ async def create_design(
     return await _answer(designs, record, response)
 
 
-@router.post("/robots/{robot}/designs/check")
+@router.post("/robots/{robot}/designs/check", response_model=OutlineView)
 async def check_document(
     caller: Viewer, robot: str, body: Checking, designs: DesignsDep
-) -> OutlineView:
+) -> Response:
     """Lay a document out for a robot as it is now; nothing is kept."""
     del caller
-    return await designs.outline(robot, body.document)
+    # Asked for with every change that somebody drags: written without a second look at each leg.
+    outline = await designs.outline(robot, body.document)
+    return Response(_OUTLINE.dump_json(outline), media_type="application/json")
 
 
 @router.get("/designs/{design}")

@@ -23,7 +23,7 @@ from autonomy.design.way import waypoints_of
 from autonomy.design.yo_yo import Line, turning_depths
 from autonomy.planner.check.check import violations
 from autonomy.planner.leg import drift
-from autonomy.planner.leg.edge import surfacings
+from autonomy.planner.leg.edge import POINT_STD, doubts, planned_points, surfacings
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import GRACE3
 from autonomy.site import LAKE
@@ -280,3 +280,14 @@ def test_a_reference_that_stays_at_a_depth_is_refused_by_its_row():
     content = Reference(shape="rows", origin={"north_m": 200, "east_m": 200}, rows=rows)
     with pytest.raises(ValueError, match=r"^waypoints\.2: it has the depth"):
         laid(Design(content=content))
+
+
+def test_doubts_of_dives_that_were_asked_for_before_are_those_of_their_points(rng):
+    design = Design(content=Way(waypoints=drawn_way(rng)), manner=drawn_manner(rng))
+    legs = tuple(laid(design)[0].legs)
+    ends = [number + 1 for number, leg in enumerate(legs) if leg.end_ned[2] <= 0.0]
+    dives = [legs[a:b] for a, b in pairwise((0, *ends))]
+    planned = planned_points(GRACE3, legs)[:, POINT_STD]
+    for _ in range(2):
+        std_m = np.concatenate([std for _, std in doubts(GRACE3, dives)])
+        assert std_m == pytest.approx(planned)

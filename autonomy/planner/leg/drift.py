@@ -6,6 +6,7 @@ steered over ground. A robot that reckons with a current itself finds from the j
 which one each dive counts on.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -135,7 +136,10 @@ def position_at(leg: Leg, course: Course, fraction: float) -> PositionNed:
 
 def speed_m_s(config: PlannerConfig) -> float:
     """Return the greatest speed of the current."""
-    return largest_speed_m_s(config.current.table)
+    current = config.current
+    if current.source != "none" and current.flow is not None:
+        return largest_speed_m_s(current.flow)
+    return math.hypot(*current.steady_ne_m_s)
 
 
 def has_current(config: PlannerConfig) -> bool:

@@ -4,11 +4,13 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.table import flow_at, is_uniform
+from autonomy.estimation.config import EstimatorConfig
 from autonomy.estimation.position import ExpectedPosition
 from autonomy.outline import Indices
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
@@ -30,6 +32,7 @@ SEARCHED_KINDS = (
 """What searches chain, by the number in a shape."""
 SAME_PLACE_M = 1e-6
 _KEEP_POINTS_MAX = 500
+_KNOWN_DIVES_MAX, _KNOWN_POINTS_MAX = 4096, 256
 AIMS = 3
 """How often a glide is aimed anew where the current is not the same everywhere."""
 
@@ -167,11 +170,37 @@ def doubts(
 
     They are those of ``planned_points`` of that dive; they do not depend on the current.
     """
-    certain = ExpectedPosition(config.position_filter, config.primitives.point_interval_s)
+    interval_s = config.primitives.point_interval_s
+    known = _known_doubts(config.position_filter, interval_s)
+    certain: ExpectedPosition | None = None
     for dive in dives:
-        times_s, legs, left = _point_times(config, dive)
-        begins, ends = np.array([(leg.start_ned[2], leg.end_ned[2]) for leg in dive])[legs].T
-        yield times_s, certain.std(times_s, begins + (1.0 - left) * (ends - begins))
+        key = (
+            dive[0].kind is PrimitiveKind.KEEP,
+            *[(leg.duration_s, leg.start_ned[2], leg.end_ned[2]) for leg in dive],
+        )
+        found = known.get(key)
+        if found is None:
+            certain = certain or ExpectedPosition(config.position_filter, interval_s)
+            times_s, legs, left = _point_times(config, dive)
+            begins, ends = np.array([(leg.start_ned[2], leg.end_ned[2]) for leg in dive])[legs].T
+            found = times_s, certain.std(times_s, begins + (1.0 - left) * (ends - begins))
+            if len(known) >= _KNOWN_DIVES_MAX:
+                known.clear()
+            if len(times_s) <= _KNOWN_POINTS_MAX:
+                known[key] = found
+        yield found
+
+
+@lru_cache(maxsize=8)
+def _known_doubts(
+    config: EstimatorConfig, interval_s: float
+) -> dict[tuple[object, ...], tuple[FloatArray, FloatArray]]:
+    """Return what was reckoned of dives before, by their durations and depths.
+
+    A mission that somebody draws is checked with every change, which leaves most dives alike.
+    """
+    del config, interval_s
+    return {}
 
 
 def _point_times(
