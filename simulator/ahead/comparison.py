@@ -207,10 +207,14 @@ def _sentence(
         return failed
     times = "once" if runs == 1 else f"{runs} times"
     flown = (
-        f"Flown {times} against the full dynamics: {rms_m:.2g} m (rms) from the plan, "
-        f"{worst_m:.2g} m at worst."
+        f"Flown {times} against the full dynamics: {_metres(rms_m)} (rms) from the plan, "
+        f"{_metres(worst_m)} at worst."
     )
     return f"{flown} {failed}" if failed else flown
+
+
+def _metres(distance_m: float) -> str:
+    return f"{distance_m:.0f} m" if distance_m >= 10.0 else f"{distance_m:.2g} m"
 
 
 def _entered(keep_outs: tuple[Area, ...], flight: Flight) -> frozenset[str]:

@@ -1,14 +1,18 @@
 """A mission drawn over the lake: dragged, undone, saved by two, compared, and made a plan of."""
 
 import re
+from collections.abc import Callable
+from io import BytesIO
 
+import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.person import Person
 from tests.browser.test_look import SIZES
 from tests.browser.test_look_everywhere import AXE, GRAVE, LOOK, THEMES
-from tests.browser.walk import CHROMIUM, open_page
+from tests.browser.walk import CHROMIUM, expect_scene, open_page
 
 pytestmark = [
     pytest.mark.browser,
@@ -170,19 +174,76 @@ def test_two_tabs_lose_nothing(bench):
     other.close()
 
 
-def test_a_plan_is_made_of_it_and_opened_where_plans_are_sent(bench):
+def test_what_is_tried_shows_where_it_may_be_and_what_may_happen(bench):
     bench.get_by_text("Move, turn, scale").click()
     bench.get_by_label("Factor").fill("0.4")
     bench.get_by_label("Factor").press("Enter")
     bench.get_by_role("button", name="Scale", exact=True).click()
     kept(bench)
+    account = bench.get_by_role("region", name="Account of the design")
+    expect(account).to_contain_text(re.compile(r"Battery after\s+[\d.]+ %\s+[\d.]+ to [\d.]+ %"))
     tried = bench.get_by_role("region", name="Try the design")
     tried.get_by_role("button", name="Try it").click()
     expect(tried.get_by_role("status").first).to_contain_text(": draft", timeout=900_000)
-    expect(bench.get_by_role("region", name="Rehearsal of the plan")).to_be_visible()
+    expect(tried).to_contain_text(re.compile(r"(Of|In) \d+ flights ahead"))
+    expect(bench.locator(".map-band")).to_have_count(1)
+    expect(bench.locator(".map-band-surfacing")).not_to_have_count(0)
+    rehearsal = bench.get_by_role("region", name="Rehearsal of the plan")
+    expect(rehearsal.get_by_label("Chances")).to_contain_text(re.compile(r"of \d+"))
+    ups = rehearsal.get_by_role("table", name="Surfacings of the rehearsal")
+    expect(ups.get_by_role("row").nth(1)).to_contain_text(re.compile("min.* to .*min"))
     Person().shoot(bench, "design-tried")
+
+
+def test_a_band_is_shown_only_of_what_was_tried(bench):
+    tried = bench.get_by_role("region", name="Try the design")
+    drag(bench, bench.locator(".map-spot").nth(2), 30.0, 0.0)
+    expect(bench.locator(".map-band")).to_have_count(0)
+    expect(tried).to_contain_text("Its legs are others now")
+    bench.get_by_role("button", name="Undo: Moved corner 3").click()
+    expect(bench.locator(".map-band")).to_have_count(1)
+    expect(tried).not_to_contain_text("Its legs are others now")
+    kept(bench)
+
+
+def test_a_tried_design_has_its_band_in_3d_and_where_it_is_sent(bench):
     bench.get_by_role("link", name="Send it from Plan").click()
     expect(bench).to_have_url(re.compile(rf"/plan/{ROBOT}#plan-\d+$"))
     expect(
         bench.get_by_role("region", name="Legs of the plan").get_by_role("row")
     ).not_to_have_count(0)
+    expect_scene(bench)
+    bench.get_by_role("button", name="Layers and sliders").click()
+    layers = bench.get_by_role("region", name="What the 3D view shows")
+    layer = layers.get_by_role("checkbox", name="Band of flights")
+    expect(layers.get_by_title("Nothing to show").get_by_text("Band of flights")).to_have_count(0)
+    expect(layer).to_be_checked()
+    layers.get_by_role("checkbox", name="Planned uncertainty").uncheck()
+    shown = until_still(bench, lambda _: True)
+    layer.uncheck()
+    until_still(bench, lambda teal: teal < 0.7 * shown)
+    layer.check()
+    until_still(bench, lambda teal: teal > 0.9 * shown)
+    Person().shoot(bench, "design-scene")
+    bench.get_by_text("From above", exact=True).click()
+    expect(bench.locator(".map-band")).to_have_count(1)
+    bench.get_by_role("button", name=re.compile("^Send plan")).click()
+    ahead = bench.get_by_role("region", name="Flown ahead")
+    expect(ahead.get_by_label("Chances")).to_contain_text("Does not come back as planned")
+    expect(ahead).to_contain_text("Not rehearsed: ")
+    Person().shoot(bench, "design-sent")
+
+
+def until_still(page: Page, is_so: Callable[[int], bool]) -> int:
+    """Wait for a picture of the 3D view like the one before it; return its bluish green pixels."""
+    canvas = page.frame_locator("iframe").locator("canvas").first
+    before = -1
+    for _ in range(60):
+        page.wait_for_timeout(1000)
+        picture = Image.open(BytesIO(canvas.screenshot(timeout=120_000))).convert("RGB")
+        red, green, blue = (np.asarray(picture)[..., k].astype(int) for k in range(3))
+        teal = int(np.sum((green > red + 25) & (blue > red + 15) & (green > blue)))
+        if abs(teal - before) <= 0.05 * teal and is_so(teal):
+            return teal
+        before = teal
+    raise AssertionError(f"the 3D view has {before} bluish green pixels")

@@ -1,7 +1,15 @@
 import { describe, expect, it } from 'vitest';
 
 import type { FlightBand } from '../../api/types';
-import { bandCurves, chances, chanceSentence, neverText, ofFlights, oneIn } from './band';
+import {
+  bandCurves,
+  chances,
+  chanceSentence,
+  drawnUntil,
+  neverText,
+  ofFlights,
+  oneIn,
+} from './band';
 
 type Row = FlightBand['over_time'][number];
 const row = (time: number, charge: readonly [number, number, number]): Row => [
@@ -44,6 +52,11 @@ describe('the band of a rehearsal', () => {
     expect(bandCurves({ ...band, along: [], over_time: [] })).toEqual([]);
   });
 
+  it('is drawn until twice the time of the middle flight, and says who goes on', () => {
+    expect(drawnUntil(band)).toEqual({ end: 110, on: 0 });
+    expect(drawnUntil({ ...band, duration_s: [20, 40, 500] })).toEqual({ end: 80, on: 1 });
+  });
+
   it('tells chances as one would say them, and of how many flights', () => {
     const told = chances(band).map(({ what, share }) => [
       what,
@@ -51,11 +64,11 @@ describe('the band of a rehearsal', () => {
       ofFlights(share, 200),
     ]);
     expect(told).toEqual([
-      ['Does not come back as planned', '1 in 67', '3 of 200 flights'],
-      ['Leaves the water', 'none', 'of 200 flights'],
-      ['Enters reeds', '3 in 10', '50 of 200 flights'],
-      ['Cuts a dive short', 'none', 'of 200 flights'],
-      ['Leaves the surveyed box', '5 in 10', '100 of 200 flights'],
+      ['Does not come back as planned', '1 in 67', '3 of 200'],
+      ['Leaves the water', 'none', 'of 200'],
+      ['Enters reeds', '3 in 10', '50 of 200'],
+      ['Cuts a dive short', 'none', 'of 200'],
+      ['Leaves the surveyed box', '5 in 10', '100 of 200'],
     ]);
     expect([0.05, 0.96, 1].map(oneIn)).toEqual(['1 in 20', 'nearly all', 'all']);
     expect(chances(band)[0]?.help).toContain('99 % flew the whole mission, 1.5 % ran out of time');

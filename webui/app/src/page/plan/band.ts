@@ -20,6 +20,8 @@ export interface BandCurve {
 
 /** First of the three columns of a row along time. */
 const [DEPTH, CHARGE] = [7, 10] as const;
+/** Column of a row along time: the part of the flights that is under way. */
+const UNDER_WAY = 13;
 /** Columns of a row along the legs: median time, and the longer half axis of the ellipse. */
 const [TIME, LONG] = [2, 11] as const;
 
@@ -55,6 +57,16 @@ export function bandCurves({ along, over_time: rows, level }: FlightBand): BandC
     },
   ];
   return curves.filter(({ moments }) => moments.length > 1 && (moments.at(-1)?.t ?? 0) > 0);
+}
+
+/** Flights are followed along time until twice the middle one's time: few stray on for hours. */
+const LONGEST = 2;
+
+/** Until when flights are drawn along time, s, and the part of them that goes on after that. */
+export function drawnUntil({ duration_s, over_time }: FlightBand): { end: number; on: number } {
+  const end = Math.max(1, Math.min(duration_s[2], LONGEST * duration_s[1]));
+  const next = over_time.find((row) => row[0] >= end);
+  return { end, on: end < duration_s[2] ? (next?.[UNDER_WAY] ?? 0) : 0 };
 }
 
 /** What may happen, and how likely that is. */
@@ -119,12 +131,9 @@ export function oneIn(share: number): string {
   return tenths >= 10 ? 'nearly all' : `${tenths} in 10`;
 }
 
-/** `10 of 200 flights`. */
+/** `10 of 200`. */
 export function ofFlights(share: number, flights: number): string {
-  const unit = flights === 1 ? 'flight' : 'flights';
-  return share <= 0
-    ? `of ${flights} ${unit}`
-    : `${Math.round(share * flights)} of ${flights} ${unit}`;
+  return share <= 0 ? `of ${flights}` : `${Math.round(share * flights)} of ${flights}`;
 }
 
 /** The chances that are worth a warning, as a sentence goes on: "1 in 8 does not come back". */
