@@ -41,10 +41,16 @@ export class Trial {
   /** Whether the design on the screen is what was tried; `null` while nobody can tell. */
   readonly isCurrent = $derived.by((): boolean | null => {
     const tried = this.#asked?.document ?? this.#version.value;
-    const outline = this.#drawn.outline();
-    if (!this.plan || !outline || !tried) return null;
-    // The same design is laid out otherwise once the current or the robot's settings are others.
-    return same(tried, this.#drawn.document()) && hasLegs(outline, this.plan);
+    return this.plan && tried ? same(tried, this.#drawn.document()) : null;
+  });
+
+  /**
+   * Whether the same design would have other legs now: it is laid out otherwise once the current or
+   * the robot's settings are others.
+   */
+  readonly isOtherNow = $derived.by(() => {
+    const [plan, outline] = [this.plan, this.#drawn.outline()];
+    return this.isCurrent === true && plan && outline ? !hasLegs(outline, plan) : false;
   });
 
   /** The tried plan where it tells of the design on the screen. */

@@ -64,7 +64,7 @@ describe('the band of a rehearsal', () => {
       ofFlights(share, 200),
     ]);
     expect(told).toEqual([
-      ['Does not come back as planned', '1 in 67', '3 of 200'],
+      ['Does not come back', '1 in 67', '3 of 200'],
       ['Leaves the water', 'none', 'of 200'],
       ['Enters reeds', '3 in 10', '50 of 200'],
       ['Cuts a dive short', 'none', 'of 200'],
@@ -81,7 +81,7 @@ describe('the band of a rehearsal', () => {
 
   it('is told in a line', () => {
     expect(chanceSentence(band, 200)).toBe(
-      'Of 200 flights ahead 1 in 67 does not come back as planned, 3 in 10 enter reeds, ' +
+      'Of 200 flights ahead 1 in 67 does not come back, 3 in 10 enter reeds, ' +
         '5 in 10 leave the surveyed box.',
     );
     expect(chanceSentence(safe, 200)).toBe('In 200 flights ahead nothing went wrong.');

@@ -92,10 +92,10 @@ export function chances(band: FlightBand): Chance[] {
   };
   return [
     {
-      what: 'Does not come back as planned',
-      many: 'do not come back as planned',
+      what: 'Does not come back',
+      many: 'do not come back',
       share: band.not_back,
-      help: `The mission fails, or it ends outside of the water. Of the flights ${ends.join(', ')}.`,
+      help: `Not as planned: the mission fails, or it ends outside of the water. Of the flights ${ends.join(', ')}.`,
     },
     {
       what: 'Leaves the water',

@@ -88,7 +88,7 @@ describe('a rehearsal', () => {
     } as unknown as FlightBand;
     const risky = rehearsal({ band: { ...safe, leaves_water: 0.1 } });
     expect(rehearsalSentence(risky, domain)).toEqual({
-      text: 'Its rehearsal asks: Of its flights 1 in 10 leaves the water.',
+      text: 'Of the flights of its rehearsal 1 in 10 leaves the water.',
       isGood: false,
     });
     expect(rehearsalSentence(rehearsal({ band: safe }), domain).isGood).toBe(true);

@@ -81,11 +81,12 @@ export function rehearsalSentence(rehearsal: Rehearsal | null | undefined, domai
   );
   const risks = badChances(rehearsal.band);
   if (bad.length + risks.length === 0) return { text: 'Rehearsed well.', isGood: true };
+  const asked = bad.map((each) => `${each?.question} ${each?.answer}: ${each?.verdict}.`);
   const told = [
-    ...bad.map((each) => `${each?.question} ${each?.answer}: ${each?.verdict}.`),
-    ...(risks.length > 0 ? [`Of its flights ${risks.join(', ')}.`] : []),
+    ...(asked.length > 0 ? ['Its rehearsal asks:', ...asked] : []),
+    ...(risks.length > 0 ? [`Of the flights of its rehearsal ${risks.join(', ')}.`] : []),
   ];
-  return { text: `Its rehearsal asks: ${told.join(' ')}`, isGood: false };
+  return { text: told.join(' '), isGood: false };
 }
 
 export interface Verdict {
