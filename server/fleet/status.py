@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.plan import Leg
+from autonomy.planner.plan import Leg, PrimitiveKind
 from db.query.fleet.deployments import DeploymentRecord
 from db.query.fleet.robots import RobotRecord
 from db.query.mission.plans import PlanRecord
@@ -301,7 +301,9 @@ class RobotStatus:
         hand, leg, state = self.plan, self.leg_now, self.state
         if hand is None or leg is None or state is None or not 0 < leg < len(hand.legs):
             return False
-        return state.mode in _PREPARES and hand.legs[leg].start_ned[2] <= 0.0
+        first = hand.legs[leg]
+        swims_there = state.mode is RobotMode.SWIMMING and first.kind is not PrimitiveKind.SWIM
+        return (state.mode in _PREPARES or swims_there) and first.start_ned[2] <= 0.0
 
     def begins_ne_m(self) -> tuple[float, float] | None:
         """Return where a new plan would begin: at this surfacing, else at the next."""

@@ -55,7 +55,8 @@ def contact_of(facts: Facts) -> ContactWindowView:
     )
     if state is None:
         return view
-    if is_down(state) or (is_down(state) is None and status.leg_now is not None):
+    down = is_down(state)
+    if down or (down is None and facts.up_since is None and status.leg_now is not None):
         return _closed(view)
     if status.record.is_foreign:
         text = f"{robot} is up; a vehicle of another maker does not tell when it dives."
@@ -97,6 +98,9 @@ def _open(view: ContactWindowView, facts: Facts) -> ContactWindowView:
         return replace(view, text=text)
     if status.plan.record.kind == FOLLOW_TARGET:
         text = f"{view.robot} is up{by}; following a target, it goes on as soon as it has a fix."
+        return replace(view, text=text)
+    if state is not None and state.mode is RobotMode.SWIMMING and not status.is_between_dives:
+        text = f"{view.robot} swims at the surface{by}, as {status.plan.plan_id} has it."
         return replace(view, text=text)
     if facts.up_since is None:
         text = f"{view.robot} is up{by}; it has not said since when, so that nobody can count down."

@@ -29,7 +29,11 @@ class Opportunity:
 
 
 def opportunity_of(
-    status: RobotStatus, contact: ContactWindowView, now: datetime, speed: float
+    status: RobotStatus,
+    contact: ContactWindowView,
+    now: datetime,
+    speed: float,
+    planning_s: float,
 ) -> Opportunity:
     """Return the surfacing that a suggestion is made for: this one if time allows, else the next.
 
@@ -38,6 +42,7 @@ def opportunity_of(
         contact: Its window.
         now: By the robots' clock.
         speed: How much faster that runs than the wall's.
+        planning_s: How long a search may take by the settings of now, wall time.
 
     Raises:
         Problem: 409 if nothing can be suggested; the sentence says why.
@@ -46,16 +51,16 @@ def opportunity_of(
         present = present_of(status, "now")
         closes = None if contact.closes is None else contact.closes.at
         config = PlannerConfig.model_validate(present.plan.config)
-        needed_s = config.planning_time_s + (WAITED_S if config.adaptive.rehearse else 0.0)
+        needed_s = planning_s + (WAITED_S if config.adaptive.rehearse else 0.0)
         if closes is None or (closes - now).total_seconds() / speed >= needed_s:
-            return Opportunity(present, config.planning_time_s, closes, 0.0)
+            return Opportunity(present, planning_s, closes, 0.0)
     present = present_of(status, "next")
     config = PlannerConfig.model_validate(present.plan.config)
     if contact.opens is None:
         robot = status.record.id
         raise conflict(f"Nobody can say when {robot} comes up next; {present.plan.id} goes on.")
     ahead_s = (contact.opens.at - now).total_seconds()
-    search_s = min(config.planning_time_s, ahead_s / speed - MARGIN_S)
+    search_s = min(planning_s, ahead_s / speed - MARGIN_S)
     if search_s < LEAST_SEARCH_S:
         raise conflict(
             f"There is no time: search, dry run and the way to {status.record.id} take "

@@ -134,7 +134,10 @@ class Suggestions:
         status = self._fleet.status(robot)
         refuse_recording(status, "flies no plans")
         contact = await self._contacts.of(robot)
-        return opportunity_of(status, contact, self._clock.now(), max(1.0, self._clock.speed))
+        planner = await self._foundation.configurations.current("planner", robot)
+        planning_s = planner.value_as(PlannerConfig).planning_time_s
+        speed = max(1.0, self._clock.speed)
+        return opportunity_of(status, contact, self._clock.now(), speed, planning_s)
 
     async def ask(self, robot: str, *, by: str) -> str:
         """Begin to search; return the id of the job, that of the one under way if there is one.
@@ -235,7 +238,9 @@ class Suggestions:
     async def _request(self, chance: Opportunity, by: str, replaces: str | None) -> SearchRequest:
         """Return the request of a round that spends what is left of the present plan."""
         present, plan = chance.present, chance.present.plan
-        settings = as_set(plan).model_copy(update={"planning_time_s": chance.search_s})
+        now = await self._foundation.configurations.current("planner", plan.robot)
+        effort = {"planning_time_s": chance.search_s, "search": now.value_as(PlannerConfig).search}
+        settings = as_set(plan).model_copy(update=effort)
         water = await self._planning.in_water(plan.robot, settings, chance.ahead_s)
         config = water.config
         if config.time_budget_s > 0.0:

@@ -54,14 +54,14 @@ def verdict_text(
             if gain <= 0.005
             else f"the new one is only {gain:.0%} better"
         )
-        figures = _figures(objective, new, keep, left)
-        return f"Keep {name}: {better} ({figures}); a change is worth {least_gain:.0%}."
+        figures = _figures(objective, new, keep, left, who="the best new one")
+        return f"Keep {name}: {better} ({figures}). Offered is what is {least_gain:.0%} better."
     if objective == "information_gain":
         more = f"{gain:.0%} more" if gain < _TWICE else f"{1.0 + gain:.1f} times as much"
         head = f"Maps {more} of the {water} for {_price(new, keep)}"
     else:
         head = f"Is {gain:.0%} better for {_price(new, keep)}"
-    return f"{head}: {_figures(objective, new, keep, left)}. {_costs(new, keep)}"
+    return f"{head}: {_figures(objective, new, keep, left)}.{_costs(new, keep)}"
 
 
 def basis_text(
@@ -106,14 +106,14 @@ def deadline_text(until: datetime | None, *, is_late: bool, name: str, surfacing
     return f"In time if the robot has it by about {until.strftime('%H:%M:%SZ')}."
 
 
-def _figures(objective: str, new: Judged, keep: Judged, left: str) -> str:
+def _figures(objective: str, new: Judged, keep: Judged, left: str, who: str = "it") -> str:
     if objective == "information_gain":
         return (
-            f"it takes away {new.removed:.1%} of the map's variance, {left} {keep.removed:.1%}; "
+            f"{who} takes away {new.removed:.1%} of the map's variance, {left} {keep.removed:.1%}; "
             f"the most uncertain place keeps a standard deviation of {new.worst_map_std:.3g} "
             f"instead of {keep.worst_map_std:.3g}"
         )
-    return f"objective {new.objective:.4g}, {left} {keep.objective:.4g}"
+    return f"{who} has an objective of {new.objective:.4g}, {left} of {keep.objective:.4g}"
 
 
 def _price(new: Judged, keep: Judged) -> str:
@@ -124,9 +124,30 @@ def _price(new: Judged, keep: Judged) -> str:
 
 
 def _costs(new: Judged, keep: Judged) -> str:
-    return (
-        f"{new.energy:.1f} instead of {keep.energy:.1f} energy units, "
-        f"{new.duration_s / 60.0:.0f} instead of {keep.duration_s / 60.0:.0f} min, position "
-        f"uncertain by at most {metres(new.worst_position_std_m)} instead of "
-        f"{metres(keep.worst_position_std_m)}."
-    )
+    """Say what else differs, a sentence with a space before it, or nothing."""
+    said = [
+        f"{after} instead of {before}"
+        for after, before, is_other in (
+            (
+                f"{new.energy:.1f} energy units",
+                f"{keep.energy:.1f}",
+                _differs(new.energy, keep.energy),
+            ),
+            (
+                f"{new.duration_s / 60.0:.0f} min",
+                f"{keep.duration_s / 60.0:.0f}",
+                _differs(new.duration_s, keep.duration_s),
+            ),
+            (
+                f"a position uncertain by at most {metres(new.worst_position_std_m)}",
+                metres(keep.worst_position_std_m),
+                _differs(new.worst_position_std_m, keep.worst_position_std_m),
+            ),
+        )
+        if is_other
+    ]
+    return f" It takes {', '.join(said)}." if said else ""
+
+
+def _differs(new: float, keep: float) -> bool:
+    return abs(new - keep) > _SAME * max(abs(keep), _LEAST)

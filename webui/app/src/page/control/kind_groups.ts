@@ -22,6 +22,7 @@ const HELP: Record<string, string> = {
     'Tariff and daily budget of satellite messages, how long they stand, and how often the robot calls.',
   acoustic: 'Speed of sound and how often and how far the acoustic modem measures ranges.',
   link: 'Which link plans and orders take.',
+  automation: 'What the station suggests and sends by itself, and how much of that in an hour.',
   standard_commands:
     'What a MAVLink vehicle is told for “surface”, “hold” and “resume”; its maker says the numbers.',
 };
@@ -32,7 +33,10 @@ interface Group {
 }
 
 const GROUPS: readonly Group[] = [
-  { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
+  {
+    title: 'Survey',
+    has: (kind) => ['planner', 'field', 'estimator', 'automation'].includes(kind),
+  },
   { title: 'Following a target', has: (kind) => kind === 'tracking' },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
   {
