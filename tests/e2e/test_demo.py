@@ -120,20 +120,46 @@ def samples(demo):
     return len(history["value"])
 
 
-def test_the_example_script_plans_and_sends_nothing_by_default(demo):
+def pilot_of(demo):
+    """Return the environment of a script that speaks as a pilot."""
     token = subprocess.run(
         [sys.executable, "-m", "server.cli", "token", "create", "--role", "pilot", "--data",
          str(demo.data)],
         cwd=ROOT, capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()[-1]  # fmt: skip
+    return os.environ | {"GRACE_TOKEN": token}
+
+
+def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     done = subprocess.run(
         [sys.executable, "examples/adaptive_survey.py", "--url", demo.url, "--robot", "mini-1",
          "--planning-time-s", "1"],
-        cwd=ROOT, env=os.environ | {"GRACE_TOKEN": token}, capture_output=True, text=True,
-        check=False, timeout=600,
+        cwd=ROOT, env=pilot_of(demo), capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "nothing was sent" in done.stdout
+
+
+@pytest.mark.timeout(1800)
+def test_the_example_script_plans_when_the_robot_surfaces(demo, tmp_path):
+    """It is told of a surfacing by the event log, without asking for the robot's mode."""
+    cursor = tmp_path / "cursor"
+    with subprocess.Popen(
+        [sys.executable, "examples/plan_on_surfacing.py", "--url", demo.url, "--robot", "mini-1",
+         "--depth-m", "0.4", "--times", "1", "--cursor", str(cursor)],
+        cwd=ROOT, env=pilot_of(demo), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as script:  # fmt: skip
+        try:
+            demo.wait("the end of the log", cursor.exists, 60.0)
+            fly_dives(demo, 3, 0.4)
+            said, _ = script.communicate(timeout=1200)
+        finally:
+            script.kill()
+    assert script.returncode == 0, said
+    assert "mini-1 is at the surface. Measured at" in said
+    assert "nothing was sent" in said
+    surfacings = demo.get("/api/events", robot="mini-1", kind="robot.surfaced")["events"]
+    assert int(cursor.read_text()) >= surfacings[0]["cursor"]
 
 
 @pytest.mark.timeout(1200)
