@@ -63,3 +63,37 @@ def test_the_design_is_saved_for_other_programs_after_its_losses_are_told(desk):
     content = json.loads(saved.value.path().read_text())
     flown = [item for item in content["mission"]["items"] if item["command"] == 16]
     assert [item["params"][6] for item in flown] == [-50.0] * len(flown)
+
+
+REEDS = """<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>
+<Placemark><name>Way</name><LineString><coordinates>-84.3775,42.7620 -84.3765,42.7625
+</coordinates></LineString></Placemark>
+<Placemark><name>Reed bed</name><Polygon><outerBoundaryIs><LinearRing><coordinates>
+-84.3790,42.7630 -84.3785,42.7630 -84.3785,42.7635 -84.3790,42.7635 -84.3790,42.7630
+</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>
+<Placemark><name>Old dock</name><Point><coordinates>-84.3770,42.7615</coordinates></Point>
+</Placemark></Document></kml>"""
+
+
+def test_areas_and_marks_of_a_file_are_taken_into_the_water_and_an_area_is_covered(desk):
+    desk.get_by_role("link", name="All designs").click()
+    panel = desk.get_by_role("region", name="Import a plan file")
+    file = {"name": "reeds.kml", "mimeType": "application/xml", "buffer": REEDS.encode()}
+    panel.get_by_label("Read a file").set_input_files(file)
+    panel.get_by_role("button", name="Keep out of it: Reed bed").click()
+    expect(panel.get_by_text("a keep-out of Practice lake")).to_be_visible()
+    panel.get_by_role("button", name="Mark it: Old dock").click()
+    expect(panel.get_by_text("a place of Practice lake")).to_be_visible()
+    waters = desk.evaluate("fetch('/api/waters').then((answer) => answer.json())")
+    [lake] = [one["document"] for one in waters if ROBOT in one["robots"]]
+    assert [len(one["corners_m"]) for one in lake["keep_outs"] if one["name"] == "Reed bed"] == [4]
+    assert "Old dock" in [one["name"] for one in lake["places"]]
+    panel.get_by_role("combobox").select_option("1")
+    expect(panel).to_contain_text("KML: lawnmower")
+    depth = panel.get_by_label(re.compile("say no depth"))
+    depth.fill("3")
+    depth.press("Enter")
+    Person().shoot(desk, "import-areas")
+    panel.get_by_role("button", name="Make a design of it").click()
+    expect(desk.get_by_title("Name of the design")).to_have_value("reeds")
+    expect(desk.locator(".map-spot")).to_have_count(4)
