@@ -1,4 +1,4 @@
-"""The one place where the project meets numba: its decorator, and the machine code kept on disk.
+"""Where the project meets numba: its decorator, and the machine code kept on disk.
 
 numba keeps machine code by a kernel's own file alone: a constant that changes in another file
 leaves stale code behind, and a comment that changes makes everything new. Here each kernel is kept
@@ -26,6 +26,7 @@ import numba
 import numpy as np
 from numba.core.caching import Cache, CompileResultCacheImpl, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic  # pyright: ignore[reportPrivateUsage] - it has no other name
 
 try:
     import fcntl
@@ -161,6 +162,8 @@ class _Digest:
     def _of_value(self, value: object) -> bytes:
         if isinstance(value, (Dispatcher, types.FunctionType)):
             return self.of_function(value)
+        if isinstance(value, _Intrinsic):
+            return _of_code(cast("Any", value)._defn.__code__)  # noqa: SLF001 - what it is made of
         if isinstance(value, np.ndarray):
             return _hash((repr((value.dtype.str, value.shape)).encode(), value.tobytes()))
         if isinstance(value, (tuple, list)):

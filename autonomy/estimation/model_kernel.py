@@ -23,7 +23,7 @@ from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel, kernel
 from autonomy.estimation.kernel import LOST, REFUSED, judge
 from autonomy.vehicle import kernel as body
-from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.extended_kernel import advance_into
 
 # fmt: off
 (
@@ -47,6 +47,9 @@ BENT = 8
 ) = range(13)
 # fmt: on
 """Index of each number of the process noise."""
+
+Scratch = tuple[FloatArray, FloatArray, FloatArray]
+"""Room for a Runge-Kutta step of the 15 states, each ``(15,)``."""
 
 _SPREAD = math.sqrt(3.0)
 """Distance of the probes in standard deviations, best for Gaussian states."""
@@ -88,6 +91,46 @@ def triangular(rows: FloatArray) -> FloatArray:
 
 
 @inner_kernel
+def swim_into(
+    probe: FloatArray,
+    start: FloatArray,
+    command: FloatArray,
+    time_s: float,
+    packed: FloatArray,
+    water: FloatArray,
+    dt_s: float,
+    steps: int,
+    x: FloatArray,
+    order: FloatArray,
+    p: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """Write the 15 states that one probe has after a time into ``x``.
+
+    ``start`` has what the sensors say of the 15 states; the probe has the rest. A rudder with more
+    effect has less slip against it here: it is their ratio that turns the way aside. ``order`` and
+    ``p`` take what command and vehicle become.
+    """
+    x[:] = start
+    order[:] = command
+    p[: packed.shape[0]] = packed
+    x[2] = probe[DEPTH]
+    for i in range(3):
+        x[6 + i] = probe[FORWARD + i]
+    x[12] -= probe[BIAS]
+    order[0], order[1] = x[12], x[13]
+    for i in range(body.DRAG_0, body.DRAG_DELTA + 1):
+        p[i] *= 1.0 + probe[DRAG]
+    p[body.SIDE_BETA] *= 1.0 - probe[SIDE]
+    p[body.SIDE_DELTA] *= 1.0 + probe[SIDE]
+    for i in range(body.LIFT_0, body.LIFT_ALPHA + 1):
+        p[i] *= 1.0 + probe[LIFT]
+    advance_into(
+        x, order, p, water, time_s, dt_s / steps, steps, scratch[0], scratch[1], scratch[2]
+    )
+
+
+@inner_kernel
 def swim(
     probe: FloatArray,
     start: FloatArray,
@@ -98,25 +141,14 @@ def swim(
     dt_s: float,
     steps: int,
 ) -> FloatArray:
-    """Depth, velocity in body axes, and way made north and east of one probe, shape ``(6,)``.
-
-    ``start`` has what the sensors say of the 15 states; the probe has the rest. A rudder with more
-    effect has less slip against it here: it is their ratio that turns the way aside.
-    """
-    x, order, p = start.copy(), command.copy(), packed.copy()
-    x[2] = probe[DEPTH]
-    x[6:9] = probe[FORWARD:BIAS]
-    x[12] -= probe[BIAS]
-    order[0], order[1] = x[12], x[13]
-    p[body.DRAG_0 : body.DRAG_DELTA + 1] *= 1.0 + probe[DRAG]
-    p[body.SIDE_BETA] *= 1.0 - probe[SIDE]
-    p[body.SIDE_DELTA] *= 1.0 + probe[SIDE]
-    p[body.LIFT_0 : body.LIFT_ALPHA + 1] *= 1.0 + probe[LIFT]
-    y = advance(x, order, p, water, time_s, dt_s / steps, steps)
+    """Depth, velocity in body axes, and way made north and east of one probe, shape ``(6,)``."""
+    x, order, p = np.empty(15), np.empty(5), np.empty(packed.shape[0])
+    scratch = np.empty(15), np.empty(15), np.empty(15)
+    swim_into(probe, start, command, time_s, packed, water, dt_s, steps, x, order, p, scratch)
     out = np.empty(6)
-    out[0] = y[2]
-    out[1:4] = y[6:9]
-    out[4:6] = y[0:2]
+    out[0] = x[2]
+    out[1:4] = x[6:9]
+    out[4:6] = x[0:2]
     return out
 
 

@@ -32,6 +32,8 @@ def tail_reference(command: FloatArray, time_s: float, p: FloatArray) -> tuple[f
     The acceleration is that of the servo's settled answer to the flap, as far as its rate allows.
     """
     bias, amplitude, w = command[2], command[3], 2.0 * math.pi * command[4]
+    if amplitude == 0.0:
+        return min(max(bias, -p[body.DELTA_MAX]), p[body.DELTA_MAX]), 0.0
     s, c = math.sin(w * time_s), math.cos(w * time_s)
     target = bias + amplitude * s
     if abs(target) >= p[body.DELTA_MAX]:
@@ -179,6 +181,36 @@ def electrical_power(
     )
 
 
+@inner_kernel
+def advance_into(
+    x: FloatArray,
+    command: FloatArray,
+    packed: FloatArray,
+    surroundings: FloatArray,
+    time_s: float,
+    dt_s: float,
+    steps: int,
+    slope: FloatArray,
+    total: FloatArray,
+    probe: FloatArray,
+) -> None:
+    """Advance a state in place as ``advance`` does; the last three are scratch, ``(15,)``."""
+    is_metered = x.shape[0] > 15
+    for step in range(steps):
+        parts = _stable_parts(x, packed, dt_s)
+        h = dt_s / parts
+        for part in range(parts):
+            t = time_s + step * dt_s + part * h
+            if abs(math.cos(x[4])) < STEEP_COS_PITCH:
+                squared = _steep_step(x, command, packed, surroundings, t, h)
+            else:
+                squared = _extended_step(
+                    x, command, packed, surroundings, t, h, slope, total, probe
+                )
+            if is_metered:
+                x[15] += h * electrical_power(squared[0], squared[1], squared[2], packed)
+
+
 @kernel
 def advance(
     state: FloatArray,
@@ -212,24 +244,11 @@ def advance(
     Raises:
         ValueError: If energy is to be counted for a vehicle without prices.
     """
-    is_metered = state.shape[0] > 15
-    if is_metered and packed.shape[0] <= body.ENERGY_DELTA:
+    if state.shape[0] > 15 and packed.shape[0] <= body.ENERGY_DELTA:
         raise ValueError("a state with energy needs a vehicle packed with its prices")
     x = state.copy()
     slope, total, probe = np.empty(15), np.empty(15), np.empty(15)
-    for step in range(steps):
-        parts = _stable_parts(x, packed, dt_s)
-        h = dt_s / parts
-        for part in range(parts):
-            t = time_s + step * dt_s + part * h
-            if abs(math.cos(x[4])) < STEEP_COS_PITCH:
-                squared = _steep_step(x, command, packed, surroundings, t, h)
-            else:
-                squared = _extended_step(
-                    x, command, packed, surroundings, t, h, slope, total, probe
-                )
-            if is_metered:
-                x[15] += h * electrical_power(squared[0], squared[1], squared[2], packed)
+    advance_into(x, command, packed, surroundings, time_s, dt_s, steps, slope, total, probe)
     return x
 
 

@@ -153,10 +153,13 @@ def extended_derivative_into(
     out[14] = min(max(wanted, -p[body.DELTA_RATE]), p[body.DELTA_RATE])
     water_kg = p[body.WATER_DENSITY] * p[body.TAIL_AREA] * p[body.TAIL_WATER_LENGTH]
     thrust = -water_kg * p[body.TAIL_CENTRE] * flap_acceleration
-    f1 += thrust * math.sin(delta)
+    push, turn = 0.0, 0.0
+    if thrust != 0.0:  # a tail that does not flap needs no trigonometry
+        push, turn = thrust * math.sin(delta), p[body.TAIL_ARM] * thrust * math.cos(delta)
+    f1 += push
     t1 -= p[body.CROSSFLOW_1] * abs(x[9]) * x[9]
     t2 -= p[body.CROSSFLOW_2] * abs(x[10]) * x[10]
-    t3 += p[body.TAIL_ARM] * thrust * math.cos(delta) - p[body.CROSSFLOW_3] * abs(x[11]) * x[11]
+    t3 += turn - p[body.CROSSFLOW_3] * abs(x[11]) * x[11]
     if is_layered:
         m0, density = net_mass_and_density(m0, x[2], p, surroundings)
         f1, f2, f3 = density * f1, density * f2, density * f3

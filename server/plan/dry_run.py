@@ -38,7 +38,7 @@ RUNS = 200
 """Flights of one dry run, each of another robot in other water."""
 WAITED_S = 30.0
 """Processor time after which no further flight begins while a plan waits. A core flies some
-25 000 s in a second, so plans of more than an hour have fewer flights."""
+70 000 s in a second, so plans of more than three hours have fewer flights."""
 _LEAST_CHARGE = 1.2 * RESERVE
 WORKING = DryRunView("working", message="The plan is flown against the robot's dynamics.")
 

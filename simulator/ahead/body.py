@@ -5,10 +5,8 @@ readable form. The heading counts from the frame's north: the compass counts fro
 program takes that back, which leaves a millionth of a radian.
 """
 
-import math
-
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inner_kernel
+from autonomy.compiled import inlined_kernel, inner_kernel
 from autonomy.planner.leg import flow_kernel
 from autonomy.vehicle import extended_kernel
 from autonomy.vehicle import kernel as body
@@ -16,21 +14,31 @@ from simulator.ahead import water as waters
 from simulator.ahead.state import Robot, Setup, State, Water
 from simulator.plant import FLOOR, PHYSICS_STEP_S, SHALLOWEST_M
 
-advance = extended_kernel.advance
+advance_into = extended_kernel.advance_into
 flow_at = flow_kernel.flow_at
 floor_m = waters.floor_m
 M0_RATE, RP1_RATE = body.M0_RATE, body.RP1_RATE
 ENERGY_M0, ENERGY_RP1 = body.ENERGY_M0, body.ENERGY_RP1
 """Names that numba resolves once, when it compiles."""
 
+CLEAR_M = 1.0
+"""Water above and below a robot whose tail is still, from which on its steps are longer."""
 _EARLY_S = 1e-6
 
 
-@inner_kernel
+@inlined_kernel
+def _is_clear(s: State, setup: Setup, water: Water) -> bool:
+    """Tell whether nothing is near that pushes the robot: a step may then be longer."""
+    depth = s.x[2]
+    if setup.has_walls or depth < CLEAR_M or s.set_points[3] != 0.0:
+        return False
+    return floor_m(water, s.x[0], s.x[1]) - depth > CLEAR_M
+
+
+@inlined_kernel
 def move(s: State, setup: Setup, robot: Robot, water: Water, noise: FloatArray) -> None:
     """Let a period pass under the set points that hold."""
-    kept = math.exp(-setup.period_s / setup.eddy_correlation_s)
-    fresh = setup.eddy_std_m_s * math.sqrt(1.0 - kept * kept)
+    kept, fresh = setup.eddy_kept, setup.eddy_fresh_m_s
     north, east = flow_at(water.flow, s.x[0], s.x[1], max(s.x[2], 0.0), setup.water_s + s.plant_s)
     around = robot.surroundings
     for i in range(2):
@@ -39,10 +47,14 @@ def move(s: State, setup: Setup, robot: Robot, water: Water, noise: FloatArray) 
     if setup.is_uneven:
         around[FLOOR] = max(floor_m(water, s.x[0], s.x[1]), SHALLOWEST_M)
     s.x[15] = 0.0
-    step_s = setup.period_s / setup.plant_steps
+    steps = setup.clear_steps if _is_clear(s, setup, water) else setup.plant_steps
+    step_s = setup.period_s / steps
     net_mass, sliding = s.x[12], s.x[13]
-    s.x[:] = advance(s.x, s.driven, robot.true, around, s.plant_s, step_s, setup.plant_steps)
-    s.plant_s += setup.plant_steps * step_s
+    advance_into(
+        s.x, s.driven, robot.true, around, s.plant_s, step_s, steps,
+        s.slope, s.total, s.probe,
+    )  # fmt: skip
+    s.plant_s += steps * step_s
     used_j = s.x[15]
     if step_s > PHYSICS_STEP_S + _EARLY_S:
         p = robot.true
@@ -64,7 +76,7 @@ def _hurried(way: float, rate: float, step_s: float, period_s: float) -> float:
     return max(true - way * way / min(max(abs(way) / rate, step_s), period_s), 0.0)
 
 
-@inner_kernel
+@inlined_kernel
 def read(s: State, setup: Setup, noise: FloatArray) -> None:
     """Read all sensors, in the terms of the model: with the mission's trim taken off."""
     std, x = setup.noise_std, s.x

@@ -18,22 +18,26 @@ from autonomy.vehicle import extended_rates
 from autonomy.vehicle import kernel as body
 from simulator.ahead.state import Robot, Setup, State
 
-swim, carry = model.swim, model.carry
+swim_into, carry = model.swim_into, model.carry
 extended_derivative_into = extended_rates.extended_derivative_into
 judge, REFUSED, LOST = estimators.judge, estimators.REFUSED, estimators.LOST
 (
     DEPTH, FORWARD, STARBOARD, DOWN, BIAS, DRAG, SIDE, LIFT, NORTH, EAST,
     STEADY_NORTH, STEADY_EAST, EDDY_NORTH, EDDY_EAST,
 ) = range(14)  # fmt: skip
-STATES, BENT = model.STATES, model.BENT
+STATES = model.STATES
 """Names that numba resolves once, when it compiles."""
 
 _INPUTS = 7
 """Velocity along three axes, ballast error, and the shares of drag, side force and lift."""
 _TRIED = (1e-3, 1e-3, 1e-3, 1e-5, 1e-3, 1e-3, 1e-3)
 """Differences by which the slopes are taken: m/s, kg and shares."""
-_QUICK = 0.4
-"""Longest part of a step, times the fastest of the model's rates."""
+CLEAR_M = 1.0
+"""Depth from which on the surface pushes nobody."""
+_QUICK, _PARTS = 0.4, 60
+"""Longest part of a step, times the fastest of the model's rates, and how many parts do at most."""
+_STABLE = 1.5
+"""Longest part, times that rate, however many they are: at the surface contact is fast."""
 
 
 @inner_kernel
@@ -55,25 +59,48 @@ def step(
         time_s: When the period began.
         during: Mean of what the actuators say at its begin and end.
     """
-    dt = setup.period_s
-    start = np.zeros(15)
+    dt, start, x = setup.period_s, s.sensed, s.swum
+    start[:] = 0.0
     for i in range(3):
         start[3 + i], start[9 + i] = s.before_attitude[i], s.before_gyro[i]
         start[12 + i] = during[i]
-    steps = setup.model_steps
-    found = swim(s.belief[:BENT], start, command, time_s, robot.believed, robot.still, dt, steps)
-    later = np.zeros(STATES)
-    carry(s.belief, dt, kept_over(setup, dt), later)
-    later[DEPTH] = found[0]
+    if command[3] == 0.0 and s.belief[DEPTH] > CLEAR_M:
+        _glide(s, robot, start, dt)
+    else:
+        swim_into(
+            s.belief, start, command, time_s, robot.believed, robot.still, dt, setup.model_steps,
+            x, s.order, s.altered, (s.slope, s.total, s.probe),
+        )  # fmt: skip
+    later = s.later
+    carry(s.belief, dt, setup.kept, later)
+    later[DEPTH] = x[2]
     for i in range(3):
-        later[FORWARD + i] = found[1 + i]
-    later[NORTH] += found[4]
-    later[EAST] += found[5]
+        later[FORWARD + i] = x[6 + i]
+    later[NORTH] += x[0]
+    later[EAST] += x[1]
     s.belief[:] = later
     s.since_belief += 1
     if s.since_belief >= setup.belief_every:
         _carry_covariance(s, setup, robot, start, s.since_belief * dt)
         s.since_belief = 0
+
+
+@inner_kernel
+def _glide(s: State, robot: Robot, start: FloatArray, dt_s: float) -> None:
+    """Carry the 15 states of the model on by a midpoint step into ``s.swum``, the tail still.
+
+    Turning goes on as the gyro says and actuators stay: at the next step the sensors tell anew. So
+    nothing is left that a longer step could not follow.
+    """
+    x, middle, rate = s.swum, s.middle, s.slope
+    _accelerations(s, start, robot, -1, s.altered, rate)
+    middle[:] = x
+    for i in range(9):
+        middle[i] += 0.5 * dt_s * rate[i]
+    extended_derivative_into(middle, 0.0, 0.0, middle[14], 0.0, s.altered, robot.still, rate, 0.0)
+    x[0] = x[1] = 0.0
+    for i in range(9):
+        x[i] += dt_s * rate[i]
 
 
 @inner_kernel
@@ -92,7 +119,8 @@ def _accelerations(
     s: State, start: FloatArray, robot: Robot, which: int, p: FloatArray, out: FloatArray
 ) -> None:
     """Write the model's rates where one of the inputs is a little larger; -1 for none."""
-    x = start.copy()
+    x = s.swum
+    x[:] = start
     x[2] = s.belief[DEPTH]
     for i in range(3):
         x[6 + i] = s.belief[FORWARD + i]
@@ -109,6 +137,7 @@ def _accelerations(
     elif which == 6:
         lift += _TRIED[6]
     believed = robot.believed
+    p[: believed.shape[0]] = believed
     for i in range(body.DRAG_0, body.DRAG_DELTA + 1):
         p[i] = believed[i] * (1.0 + drag)
     p[body.SIDE_BETA] = believed[body.SIDE_BETA] * (1.0 - side)
@@ -121,7 +150,7 @@ def _accelerations(
 @inner_kernel
 def _slopes(s: State, robot: Robot, start: FloatArray, drift: FloatArray, turn: FloatArray) -> None:
     """Write the slopes of acceleration ``(3, 7)`` and of velocity in NED by that in body axes."""
-    p, base, tried = robot.believed.copy(), np.empty(15), np.empty(15)
+    p, base, tried = s.altered, s.slope, s.total
     _accelerations(s, start, robot, -1, p, base)
     for k in range(_INPUTS):
         _accelerations(s, start, robot, k, p, tried)
@@ -133,6 +162,7 @@ def _slopes(s: State, robot: Robot, start: FloatArray, drift: FloatArray, turn: 
 
 @inner_kernel
 def _response(
+    s: State,
     drift: FloatArray,
     turn: FloatArray,
     time_s: float,
@@ -143,6 +173,7 @@ def _response(
     """Write how velocity and place answer to the inputs after a time, and to shakes during it.
 
     Args:
+        s: The flight, which has room to work in.
         drift: Slopes of acceleration.
         turn: Slopes of the velocity in NED.
         time_s: How long.
@@ -156,9 +187,12 @@ def _response(
         for k in range(3):
             row += abs(drift[i, k])
         fastest = max(fastest, row)
-    parts = min(1 + int(time_s * fastest / _QUICK), 60)
+    parts = min(1 + int(time_s * fastest / _QUICK), _PARTS)
+    parts = max(parts, 1 + int(time_s * fastest / _STABLE))
     h = time_s / parts
-    rate, probe = np.zeros((3, _INPUTS)), np.zeros((3, _INPUTS))
+    rate, probe = s.answer_rate, s.answer_probe
+    answer[:, :] = 0.0
+    shaken[:, :] = 0.0
     for i in range(3):
         answer[i, i] = 1.0
     for _ in range(parts):
@@ -196,19 +230,18 @@ def _carry_covariance(
 ) -> None:
     """Carry the covariance on by the model's slopes."""
     noise, believed = setup.noise, robot.believed
-    drift, turn = np.empty((3, _INPUTS)), np.empty((3, 3))
+    drift, turn, push, answer, shaken = s.drift, s.turn, s.push, s.answer, s.shaken
     _slopes(s, robot, start, drift, turn)
-    push = np.empty(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         mass = believed[body.MASS_1 + i]
         across = believed[body.MASS_1 + j] * s.belief[FORWARD + j] / mass
         over = believed[body.MASS_1 + k] * s.belief[FORWARD + k] / mass
         push[i] = noise[model.ACCELERATION] + (across**2 + over**2) * noise[model.RATE_NOISE] ** 2
-    answer, shaken = np.zeros((6, _INPUTS)), np.zeros((6, 6))
-    _response(drift, turn, time_s, push, answer, shaken)
+    _response(s, drift, turn, time_s, push, answer, shaken)
     kept = kept_over(setup, time_s)
-    F = np.zeros((STATES, STATES))
+    F = s.carrying
+    F[:, :] = 0.0
     eddy_s = noise[model.EDDY_CORRELATION]
     for i in range(3):
         place = DEPTH if i == 2 else NORTH + i
@@ -223,14 +256,14 @@ def _carry_covariance(
         F[NORTH + i, EDDY_NORTH + i] = eddy_s * (1.0 - kept[1])
         F[STEADY_NORTH + i, STEADY_NORTH + i] = kept[0]
         F[EDDY_NORTH + i, EDDY_NORTH + i] = kept[1]
-    _congruence(F, s.covariance)
+    _congruence(F, s.covariance, s.carried)
     _disturb(s, setup, shaken, kept, time_s)
 
 
 @inner_kernel
-def _congruence(F: FloatArray, P: FloatArray) -> None:
-    """Replace ``P`` by ``F P F'``; zeros of ``F`` cost nothing."""
-    W = np.zeros((STATES, STATES))
+def _congruence(F: FloatArray, P: FloatArray, W: FloatArray) -> None:
+    """Replace ``P`` by ``F P F'``, with room for ``F P``; zeros of ``F`` cost nothing."""
+    W[:, :] = 0.0
     for i in range(STATES):
         for j in range(STATES):
             if F[i, j] != 0.0:
@@ -279,9 +312,9 @@ def _disturb(s: State, setup: Setup, shaken: FloatArray, kept: FloatArray, time_
 @inner_kernel
 def hear(s: State, index: int, innovation: float, variance: float) -> None:
     """Take in a measurement of one state."""
-    P = s.covariance
+    P, column = s.covariance, s.column
     total = P[index, index] + variance
-    column = P[:, index].copy()
+    column[:] = P[:, index]
     for i in range(STATES):
         gain = column[i] / total
         s.belief[i] += gain * innovation
@@ -313,7 +346,8 @@ def take_fix(s: State, variance: float, tells_current: bool) -> None:
         if tells_current:
             hear(s, index, innovation, variance)
             continue
-        column = P[:, index].copy()
+        column = s.column
+        column[:] = P[:, index]
         total = column[index] + variance
         for i in range(STATES):
             is_considered = i in (STEADY_NORTH, STEADY_EAST)

@@ -41,7 +41,7 @@ from simulator.ahead.state import (
 )
 from simulator.dry_run import DryRunCancelledError, definition_of
 
-GRAINS = {"miniglider": Grain(0.2, 2, 5, 1), "grace3": Grain(0.2, 2, 10, 1)}
+GRAINS = {"miniglider": Grain(0.2, 2, 5, 1, 2), "grace3": Grain(0.2, 2, 15, 1, 1)}
 """How finely flights of an ensemble are worked out, by vehicle."""
 LEAST_RUNS = 24
 """So many flights are flown however long they take, unless fewer are asked for: the band of nine in

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inner_kernel
+from autonomy.compiled import inlined_kernel, inner_kernel
 from autonomy.vehicle import kernel as body
 from autonomy.vehicle.battery import RESERVE
 from onboard.flight import actuator_watch, gentle
@@ -78,7 +78,7 @@ def start(s: State, setup: Setup) -> None:
     enter_float(s, MODE_SURFACED)
 
 
-@inner_kernel
+@inlined_kernel
 def step(
     s: State, setup: Setup, robot: Robot, water: Water, legs: np.ndarray, polars: Polars
 ) -> None:
@@ -131,7 +131,7 @@ def _swings(swing: FloatArray, size: float, value: float, time_s: float) -> bool
     return count >= SWINGS and time_s - swing[_FIRST + count % SWINGS] < SWINGS_WITHIN_S
 
 
-@inner_kernel
+@inlined_kernel
 def watch(s: State, setup: Setup, robot: Robot, sent_mass_m: float) -> None:
     """Notice pitch and sliding mass that chase each other (``ActuatorWatch``)."""
     s.watch_s += setup.period_s
@@ -146,7 +146,7 @@ def watch(s: State, setup: Setup, robot: Robot, sent_mass_m: float) -> None:
         s.swung_s = s.watch_s
 
 
-@inner_kernel
+@inlined_kernel
 def _mind_gait(s: State, setup: Setup, robot: Robot, legs: np.ndarray, polars: Polars) -> None:
     """Fly gently while pitch and sliding mass swing."""
     s.minded_s += setup.period_s
@@ -172,7 +172,7 @@ def _mind_gait(s: State, setup: Setup, robot: Robot, legs: np.ndarray, polars: P
         s.gait_pitch_rate_rad_s = s.gait_pitch_growth_rad_s2 = math.inf
 
 
-@inner_kernel
+@inlined_kernel
 def _keep_limits(s: State, setup: Setup, water: Water, legs: np.ndarray) -> None:
     """Come up where a limit is met: for this dive, or for good."""
     if s.stage == ABORT:
@@ -226,7 +226,7 @@ def _end_mission(s: State, plan_state: int, reason: int) -> None:
     enter_float(s, MODE_IDLE)
 
 
-@inner_kernel
+@inlined_kernel
 def _proceed(
     s: State, setup: Setup, robot: Robot, water: Water, legs: np.ndarray, polars: Polars
 ) -> None:

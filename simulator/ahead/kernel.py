@@ -5,7 +5,9 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inner_kernel, kernel
+from autonomy.borrowed import borrowed
+from autonomy.compiled import inlined_kernel, inner_kernel, kernel
+from autonomy.current.table import FlowTable
 from autonomy.vehicle import kernel as body
 from simulator.ahead import body as bodies
 from simulator.ahead import executive, navigation, pilot
@@ -58,8 +60,9 @@ def begin(
         first: Standard normal numbers: two of the eddies, then those of two sets of readings, shape
             ``(2 + 2 SENSED,)``.
     """
-    s, setup = states[0], setups[0]
-    s.x[12] = 0.3 * robot.true[M0_MIN]
+    s, setup = borrowed(states)[0], borrowed(setups)[0]
+    own = _borrowed_robot(robot)
+    s.x[12] = 0.3 * own.true[M0_MIN]
     for i in range(2):
         s.eddy_ne_m_s[i] = setup.eddy_std_m_s * first[i]
     s.wanted_pitch_rad = s.last_pitch_rad = math.nan
@@ -71,11 +74,11 @@ def begin(
     s.told_leg = s.told_mode = -1
     read(s, setup, first)
     box = water.box
-    begin_navigation(s, setup, robot, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
-    rest(s, setup, robot)
+    begin_navigation(s, setup, own, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
+    rest(s, setup, own)
     read(s, setup, first[SENSED:])
     expect_current(s, setup, False, 0.0, 0.0)
-    navigate(s, setup, robot, 0.0)
+    navigate(s, setup, own, 0.0)
     s.driven[:] = 0.0
 
 
@@ -102,21 +105,64 @@ def fly(
         noise: Standard normal numbers of each step, shape ``(n, NOISE)``.
         record: Where to write down what happens.
     """
-    s, setup = states[0], setups[0]
+    # what the loop uses is never counted: its functions are small and many, its threads share it
+    s, setup, flown = borrowed(states)[0], borrowed(setups)[0], borrowed(legs)
+    own, around, glides = _borrowed_robot(robot), _borrowed_water(water), _borrowed_polars(polars)
+    drawn, told = borrowed(noise), _borrowed_record(record)
     for k in range(noise.shape[0]):
         if s.plan_state == ON_BOARD and s.steps * setup.period_s >= setup.settling_s - _SETTLED_S:
             s.began_s = s.steps * setup.period_s
             start(s, setup)
-        _step(s, setup, robot, water, legs, polars, noise[k])
+        _step(s, setup, own, around, flown, glides, drawn[k])
         if s.plan_state == ON_BOARD:
             continue
-        _note(s, setup, record)
+        _note(s, setup, told)
         if s.plan_state != RUNNING:
             return k + 1
     return noise.shape[0]
 
 
 @inner_kernel
+def _borrowed_robot(robot: Robot) -> Robot:
+    return Robot(
+        borrowed(robot.true),
+        borrowed(robot.believed),
+        borrowed(robot.surroundings),
+        borrowed(robot.still),
+    )
+
+
+@inner_kernel
+def _borrowed_water(water: Water) -> Water:
+    flow = water.flow
+    return Water(
+        borrowed(water.box),
+        borrowed(water.domain),
+        borrowed(water.begins),
+        borrowed(water.ends),
+        borrowed(water.floor_north),
+        borrowed(water.floor_east),
+        borrowed(water.floor_depth),
+        FlowTable(borrowed(flow.values), flow.low, flow.per_step),
+    )
+
+
+@inner_kernel
+def _borrowed_polars(polars: Polars) -> Polars:
+    return Polars(
+        borrowed(polars.steepness_rad),
+        borrowed(polars.pitch_rad),
+        borrowed(polars.rate_m_s),
+        borrowed(polars.net_buoyancy_max_kg),
+    )
+
+
+@inner_kernel
+def _borrowed_record(record: Record) -> Record:
+    return Record(borrowed(record.rows), borrowed(record.changes), borrowed(record.surfaced))
+
+
+@inlined_kernel
 def _step(
     s: State,
     setup: Setup,
@@ -148,7 +194,7 @@ def _step(
     s.driven[2] = min(max(s.set_points[2], -p[DELTA_MAX]), p[DELTA_MAX])
 
 
-@inner_kernel
+@inlined_kernel
 def _note(s: State, setup: Setup, record: Record) -> None:
     """Write down where the robot is, what it does, and where it came up."""
     time_s = s.steps * setup.period_s - s.began_s

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from autonomy.compiled import inner_kernel
+from autonomy.compiled import inlined_kernel, inner_kernel
 from autonomy.estimation import fix_watch
 from autonomy.estimation import kernel as estimators
 from autonomy.estimation import model_kernel as model
@@ -58,7 +58,7 @@ def begin(s: State, setup: Setup, robot: Robot, centre_north: float, centre_east
     s.fix_age_s = 0.0 if s.has_reading_fix else math.inf
 
 
-@inner_kernel
+@inlined_kernel
 def step(s: State, setup: Setup, robot: Robot, time_s: float) -> None:
     """Take in one set of readings; the set points in ``s`` were in force since ``time_s``."""
     dt = setup.period_s
@@ -66,8 +66,8 @@ def step(s: State, setup: Setup, robot: Robot, time_s: float) -> None:
     step_attitude(
         s.attitude_rad, s.rates_rad_s, s.angles_rad, s.gyro_rad_s, dt, correction, smoothing
     )
-    command = s.set_points.copy()
-    during = s.before_actuators.copy()
+    command, during = s.set_points, s.during
+    during[:] = s.before_actuators
     during[0] = 0.5 * (s.before_actuators[0] + s.actuators[0])
     is_coarse = setup.belief_every > 1
     if is_coarse:
@@ -274,7 +274,7 @@ def _doubt_itself(s: State, setup: Setup, off_m: float) -> None:
     s.factor[:, :] = triangular(rows)
 
 
-@inner_kernel
+@inlined_kernel
 def _estimate(s: State, setup: Setup) -> None:
     """Put together what the executive and the pilot see."""
     sf, cf = math.sin(s.attitude_rad[0]), math.cos(s.attitude_rad[0])

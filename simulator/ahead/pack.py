@@ -22,7 +22,14 @@ from autonomy.estimation.model_filter import (
     first_belief,
     process_noise,
 )
-from autonomy.estimation.model_kernel import EDDY_NORTH, STEADY_NORTH
+from autonomy.estimation.model_kernel import (
+    BIAS_CORRELATION,
+    EDDY_CORRELATION,
+    EDDY_NORTH,
+    MODEL_CORRELATION,
+    STEADY_CORRELATION,
+    STEADY_NORTH,
+)
 from autonomy.estimation.telling_stay import telling_stay_s
 from autonomy.site import Box, Site
 from autonomy.vehicle.config import Vehicle
@@ -67,9 +74,13 @@ class Grain(NamedTuple):
     """Periods between two steps of the filter's covariance."""
     model_steps: int
     """Runge-Kutta steps of the filter's model in one period."""
+    clear_steps: int
+    """The same of the body where nothing is near that it could touch (``body.move``)."""
 
 
-EXACT = Grain(PERIOD_S, 5, 1, 1)
+WALLS = 8
+"""Where ``Surroundings.packed()`` says whether there are walls."""
+EXACT = Grain(PERIOD_S, 5, 1, 1, 5)
 """As the onboard program and the simulated robot."""
 
 
@@ -192,6 +203,7 @@ def setup_of(
     values |= {
         "period_s": grain.period_s,
         "plant_steps": grain.plant_steps,
+        "clear_steps": grain.clear_steps,
         "belief_every": grain.belief_every,
         "model_steps": grain.model_steps,
         "row_every": 10,
@@ -220,13 +232,18 @@ def _filter(definition: RobotDefinition, grain: Grain) -> dict[str, Any]:
     estimator, vehicle = definition.estimator, definition.vehicle
     model = _filter_config(estimator, vehicle)
     sparse = math.sqrt(PERIOD_S / grain.period_s)
+    noise = process_noise(estimator, model)
     std = np.diag(first_belief(estimator, model, (0.0, 0.0, 0.0), estimator.fix_std_m)[1]).copy()
     std[STEADY_NORTH:EDDY_NORTH] *= UNTOLD
     outlier, current = model.outlier, model.current
     beat = round(1.0 / (vehicle.swim.frequency_hz * grain.period_s))
     return {
         "headings": min(max(beat, 1), HEADINGS_MAX),
-        "noise": process_noise(estimator, model),
+        "noise": noise,
+        "kept": np.exp(
+            -grain.period_s
+            / noise[[STEADY_CORRELATION, EDDY_CORRELATION, BIAS_CORRELATION, MODEL_CORRELATION]]
+        ),
         "first_std": std,
         "surface_depth_m": estimator.surface_depth_m,
         "depth_variance": (sparse * estimator.depth_std_m) ** 2,
@@ -297,6 +314,8 @@ def _truth(definition: RobotDefinition, drawn: Drawn, grain: Grain) -> dict[str,
     noise[:-2] *= share
     noise[-2:] *= _fix_share(definition, grain)
     correlation_s = definition.current_correlation_s
+    eddy_std_m_s = drawn.drift_m_sqrt_s / math.sqrt(2.0 * correlation_s)
+    eddy_kept = math.exp(-grain.period_s / correlation_s)
     return {
         "settling_s": drawn.settling_s,
         "noise_std": drawn.noise_share * noise,
@@ -305,11 +324,13 @@ def _truth(definition: RobotDefinition, drawn: Drawn, grain: Grain) -> dict[str,
         "fix_depth_m": model.fix_depth_m,
         "fix_period_s": model.fix_period_s,
         "battery_j": drawn.capacity_wh * _J_PER_WH,
-        "eddy_std_m_s": drawn.drift_m_sqrt_s / math.sqrt(2.0 * correlation_s),
-        "eddy_correlation_s": correlation_s,
+        "eddy_std_m_s": eddy_std_m_s,
+        "eddy_kept": eddy_kept,
+        "eddy_fresh_m_s": eddy_std_m_s * math.sqrt(1.0 - eddy_kept * eddy_kept),
         "steady_ne_m_s": drawn.current_ne_m_s,
         "water_s": -drawn.settling_s,
         "is_uneven": definition.site.bathymetry is not None,
+        "has_walls": Surroundings.of_site(definition.site).packed()[WALLS] > 0.0,
     }
 
 

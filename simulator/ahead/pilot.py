@@ -5,8 +5,6 @@
 
 import math
 
-import numpy as np
-
 from autonomy.compiled import inner_kernel
 from autonomy.control import governor_kernel
 from autonomy.control import law as laws
@@ -16,7 +14,7 @@ from autonomy.vehicle import kernel as body
 from onboard.flight import pilot as manner
 from simulator.ahead.state import Robot, Setup, State
 
-control = laws.command
+control = laws.command_into
 wrap = estimators.turn
 FED, KNOWN, SENT = governor_kernel.FED, governor_kernel.KNOWN, governor_kernel.SENT
 MASS_RATE_SHARE, MASS_DELAY = governor_kernel.MASS_RATE_SHARE, governor_kernel.MASS_DELAY
@@ -203,14 +201,17 @@ def _track(
             pitch_acceleration = clip(change, manner.PITCH_ACCELERATION_MAX_RAD_S2)
     s.last_pitch_rate_rad_s = pitch_rate
     s.wanted_pitch_rad = pitch_rad
-    reference = np.zeros(12)
+    reference, found, rows = s.reference, s.wanted, s.law_rows
+    reference[:] = 0.0
     reference[0] = s.position_ned[0] + manner.AHEAD_M * north
     reference[1] = s.position_ned[1] + manner.AHEAD_M * east
     reference[2], reference[3] = depth_m, pitch_rad
     reference[4], reference[5], reference[6] = speed * north, speed * east, rate_m_s
     reference[7] = pitch_rate
     reference[10], reference[11] = acceleration_m_s2, pitch_acceleration
-    found = control(law, s.estimate, reference, gains, robot.believed, setup.period_s, memory)
+    scratch = rows[0], rows[1], rows[2], rows[3], rows[4]
+    period_s, believed = setup.period_s, robot.believed
+    control(law, s.estimate, reference, gains, believed, period_s, memory, scratch, found)
     s.set_points[:] = 0.0
     s.set_points[0] = clip(found[0], net_buoyancy_max_kg)
     s.set_points[1] = found[1]

@@ -11,8 +11,11 @@ from autonomy.control import law
 from autonomy.current.table import FlowTable
 from autonomy.estimation import model_kernel
 from autonomy.estimation.fix_watch import DIVES
+from autonomy.vehicle import kernel as body
 from onboard.flight.actuator_watch import SWINGS
 
+PACKED_MOST = body.ENERGY_DELTA + 1
+"""Numbers of a packed vehicle."""
 HEADINGS_MAX = 128
 """Most headings that a mean over one beat of the tail is made of."""
 SENSED = 13
@@ -23,6 +26,7 @@ NOISE = SENSED + 2
 
 _Two = Annotated[FloatArray, (2,)]
 _Three = Annotated[FloatArray, (3,)]
+_Fifteen = Annotated[FloatArray, (15,)]
 _Fourteen = Annotated[FloatArray, (model_kernel.STATES,)]
 
 
@@ -34,6 +38,8 @@ class Setup:
     """Between two steps of the onboard program; its own 0.1 s, or longer for a coarse flight."""
     plant_steps: int
     """Runge-Kutta steps of the body in one period."""
+    clear_steps: int
+    """The same where nothing is near that the robot could touch."""
     belief_every: int
     """Periods from one step of the filter's covariance to the next; 1 is the filter itself."""
     model_steps: int
@@ -50,12 +56,16 @@ class Setup:
     fix_period_s: float
     battery_j: float
     eddy_std_m_s: float
-    eddy_correlation_s: float
+    eddy_kept: float
+    """What is left of the eddies after a period."""
+    eddy_fresh_m_s: float
+    """Standard deviation of what comes to them in it."""
     steady_ne_m_s: _Two
     water_s: float
     """Time of the flow's table when the robot's life begins."""
     is_uneven: bool
     """Whether the floor is a grid of depths."""
+    has_walls: bool
     # what the onboard program knows: manners
     surfaced_m: float
     reversal_m_s2: float
@@ -80,6 +90,8 @@ class Setup:
     headings: int
     """Of one beat of the tail."""
     # the filter
+    kept: Annotated[FloatArray, (4,)]
+    """What is left of steady current, eddies, bias and shares after a period."""
     noise: Annotated[FloatArray, (13,)]
     first_std: _Fourteen
     surface_depth_m: float
@@ -280,6 +292,35 @@ class State:
     border_m: float
     worst_std_m: float
     deepest_over_floor_m: float
+    # room to work in, so that no step has to ask for memory
+    slope: _Fifteen
+    total: _Fifteen
+    probe: _Fifteen
+    sensed: _Fifteen
+    """What the sensors say of the 15 states."""
+    middle: _Fifteen
+    """The 15 states as the filter's model has them, at the begin and in the middle of a step."""
+    swum: _Fifteen
+    order: Annotated[FloatArray, (5,)]
+    altered: Annotated[FloatArray, (PACKED_MOST,)]
+    """The packed vehicle as the filter believes it."""
+    later: _Fourteen
+    during: _Three
+    reference: Annotated[FloatArray, (12,)]
+    # the same for the covariance
+    column: _Fourteen
+    carrying: Annotated[FloatArray, (model_kernel.STATES, model_kernel.STATES)]
+    carried: Annotated[FloatArray, (model_kernel.STATES, model_kernel.STATES)]
+    drift: Annotated[FloatArray, (3, 7)]
+    turn: Annotated[FloatArray, (3, 3)]
+    answer: Annotated[FloatArray, (6, 7)]
+    shaken: Annotated[FloatArray, (6, 6)]
+    answer_rate: Annotated[FloatArray, (3, 7)]
+    answer_probe: Annotated[FloatArray, (6, 7)]
+    push: _Three
+    # the same for the law
+    wanted: Annotated[FloatArray, (law.COMMAND_SIZE,)]
+    law_rows: Annotated[FloatArray, (5, 16)]
 
 
 class Water(NamedTuple):

@@ -14,30 +14,37 @@ from robot_link.dry_run import DryRunProblem, Spread
 from server.plan.primitive_legs import candidate_of
 from simulator.ahead import ensemble
 from simulator.ahead.band import LEVEL, ellipse
+from simulator.ahead.flight import LOST
 from simulator.ahead.pack import EXACT
 from simulator.ahead.state import ROW_EAST, ROW_NORTH, ROW_STD
 from simulator.dry_run import DryRunCancelledError
-from simulator.fleet import MINI_1
+from simulator.fleet import GRACE_1, MINI_1
 
-CONFIG = PLANNER_PRESETS["miniglider"]
 SEED = int(np.random.SeedSequence().generate_state(1)[0])
 """Drawn anew each time; a failure names it."""
 
 
-def problem(runs=40, seed=SEED, **changes):
-    """Return a drawn mission of some dives in the tank."""
-    mission = mission_of(np.random.default_rng(seed), CONFIG, 120.0, 2.0)
+ROBOTS = {"tank": (MINI_1, 120.0, 0.005), "lake": (GRACE_1, 600.0, 0.02)}
+"""Robot, duration of a drawn mission s, and what is not known of the current, m/s."""
+
+
+def problem(runs=40, seed=SEED, water="tank", **changes):
+    """Return a drawn mission of some dives."""
+    robot, duration_s, unknown_m_s = ROBOTS[water]
+    config = PLANNER_PRESETS[robot.vehicle.key]
+    uncertain_m = 2.0 if water == "tank" else 2.0 * config.max_uncertainty_m
+    mission = mission_of(np.random.default_rng(seed), config, duration_s, uncertain_m)
     settings = mission.settings
     return replace(
         DryRunProblem(
             mission=mission,
-            planned_points=candidate_of(CONFIG, mission.legs).points,
-            vehicle=MINI_1.vehicle,
-            site=MINI_1.site,
+            planned_points=candidate_of(config, mission.legs).points,
+            vehicle=robot.vehicle,
+            site=robot.site,
             start_ne_m=(settings.start_x_m, settings.start_y_m),
             heading_rad=0.4,
-            drift_m_sqrt_s=MINI_1.drift_m_sqrt_s,
-            unknown_current_std_m_s=0.005,
+            drift_m_sqrt_s=robot.drift_m_sqrt_s,
+            unknown_current_std_m_s=unknown_m_s,
             runs=runs,
             seed=seed,
         ),
@@ -123,8 +130,9 @@ def test_the_same_seed_flies_the_same_ensemble_whatever_the_threads_do():
     np.testing.assert_array_equal(one.expected, other.expected)
 
 
-def test_coarse_flights_scatter_as_exact_ones_do():
-    asked = problem(runs=40)
+@pytest.mark.parametrize("water", ROBOTS)
+def test_coarse_flights_scatter_as_exact_ones_do(water):
+    asked = problem(runs=40, water=water)
     coarse = ensemble.flown(asked, lambda _: None, lambda: False)
     exact = ensemble.flown(asked, lambda _: None, lambda: False, EXACT)
     ends = [np.array([one.surfaced[-1, 1:3] for one in kind]) for kind in (coarse, exact)]
@@ -139,6 +147,12 @@ def test_coarse_flights_scatter_as_exact_ones_do():
     assert took_s[0] == pytest.approx(took_s[1], rel=0.1)
     used = [1.0 - np.mean([one.battery for one in kind]) for kind in (coarse, exact)]
     assert used[0] == pytest.approx(used[1], rel=0.15)
+
+
+def test_no_coarse_flight_loses_its_filter():
+    flights = ensemble.flown(problem(runs=150, water="lake"), lambda _: None, lambda: False)
+    assert all(np.isfinite(one.rows).all() for one in flights), SEED
+    assert not any(one.reason == LOST for one in flights), SEED
 
 
 def test_a_keep_out_is_touched_as_often_as_flights_are_in_it():
