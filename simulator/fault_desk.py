@@ -111,11 +111,15 @@ class FaultDesk:
     async def run(self) -> None:
         """Tell of the faults that come by themselves, until cancelled."""
         while True:
-            for robot, faulty in self._robots.items():
-                for name in CAUSED_FAULTS:
-                    is_there = faulty.lived_s >= begin_of(faulty.faults, name)
-                    if is_there and (robot, name) not in self._caused:
-                        await self._came(robot, name, "")
+            come = [
+                (begin_of(faulty.faults, name), robot, name)
+                for robot, faulty in self._robots.items()
+                for name in CAUSED_FAULTS
+                if faulty.lived_s >= begin_of(faulty.faults, name)
+            ]
+            for _, robot, name in sorted(come):
+                if (robot, name) not in self._caused:
+                    await self._came(robot, name, "")
             await asyncio.sleep(_LOOK_S)
 
     async def _cause(self, values: dict[str, Any]) -> Content:

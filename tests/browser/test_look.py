@@ -13,7 +13,9 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
 
-FIRST_LOAD_BYTES = 250_000
+FIRST_LOAD_BYTES = 215_000
+"""Without what robots did until now, which grows with time, to 600 points a robot at most."""
+GROWING = re.compile("/(track|samples)[?]")
 SIZES = [(1600, 950), (820, 1180), (360, 780)]
 
 
@@ -31,7 +33,8 @@ def test_the_first_page_is_light_and_says_nothing_on_the_console(fresh, calm):
     said: list[str] = []
 
     def weigh(response):
-        sizes[response.url] = int(response.headers.get("content-length", 0))
+        if not GROWING.search(response.url):
+            sizes[response.url] = int(response.headers.get("content-length", 0))
 
     fresh.on("response", weigh)
     fresh.on("console", lambda line: said.append(line.text))

@@ -29,7 +29,7 @@ from robot_link.messages import (
 )
 from robot_link.station.command_lane import Command, CommandLane
 from robot_link.station.link import StationLink
-from robot_link.transport.datagram import Address
+from robot_link.transport.datagram import Address, Delivery
 from simulator.xbee_network import AirConditions
 from tests.robot_link.rig import (
     ADDRESSES,
@@ -197,16 +197,29 @@ async def test_surface_drops_what_was_commanded_before(tmp_path: Path):
         assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
 
 
-async def test_a_command_that_surface_dropped_is_not_handed_to_the_radio_again(tmp_path: Path):
+async def test_a_command_that_surface_dropped_is_not_handed_to_the_radio_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     slow = AirConditions(delay_s=0.03, jitter_s=0.0, mac_retries=0)
     async with rig(tmp_path, slow) as it, it.station() as (station, heard):
         await live(station)
         it.reachable.clear()
+        transmit, flights = it.air.air.transmit, list[asyncio.Future[Delivery]]()
+
+        def noted(source: Address, destination: Address, data: bytes) -> asyncio.Future[Delivery]:
+            fate = transmit(source, destination, data)
+            if destination == ADDRESSES[MINI]:
+                flights.append(fate)
+            return fate
+
+        monkeypatch.setattr(it.air.air, "transmit", noted)
         station.send_command(MINI, CommandKind.START, FIRST, soon(), mission().sha256())
         await until(lambda: levels(heard, FIRST) == [CommandLevel.QUEUED])
         station.send_command(MINI, CommandKind.SURFACE, SECOND, soon())
         heard.events.clear()
-        await asyncio.sleep(1.5 * slow.delay_s)  # the attempt under way is lost
+        # The radio sends one after the other: attempts of before have flown, and are lost.
+        later = len(flights) + 4
+        await until(lambda: len(flights) >= later and all(fate.done() for fate in flights))
         it.reachable.add(MINI)
         await until(lambda: CommandLevel.APPLIED in levels(heard, SECOND))
         await asyncio.sleep(0.3)
