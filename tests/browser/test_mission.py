@@ -103,6 +103,7 @@ def test_it_is_tried_and_set_beside_the_planners_own_survey(desk: Page):
     desk.get_by_role("button", name="Ask the planner for as much").click()
     beside = desk.get_by_role("table", name=re.compile("^The design beside"))
     expect(beside).to_contain_text("Worst uncertainty", timeout=LONG_MS)
+    expect(beside).to_contain_text(re.compile("variance.*%.*%"), timeout=LONG_MS)
     beside.scroll_into_view_if_needed()
     Person().shoot(desk, "mission-compared")
 

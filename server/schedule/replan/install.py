@@ -8,6 +8,7 @@ from server.map.field_maps import FieldMaps
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
 from server.plan.state import PlanChanged
+from server.schedule.replan.comparison import PlanComparison
 from server.schedule.replan.contacts import Contacts
 from server.schedule.replan.desk import SuggestionDesk
 from server.schedule.replan.suggestions import Suggestions
@@ -35,6 +36,7 @@ def install(foundation: Foundation) -> None:
             contacts,
         )
     )
+    services.add(PlanComparison(foundation, fleet, ledger, services.get(Planning)))
     services.add(SuggestionDesk(foundation, fleet, ledger, schedule, suggestions))
 
     def logged(event: EventLogged) -> None:

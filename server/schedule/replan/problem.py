@@ -9,6 +9,8 @@ from server.plan.task import SurveyProblem
 
 SUGGEST: Final = "server.schedule.replan.task:run"
 """Takes a ``SuggestionProblem``, reports ``ObjectivePoint``, leaves a ``SuggestionFound``."""
+COMPARE: Final = "server.schedule.replan.task:compare"
+"""Takes a ``ComparisonProblem``, leaves a ``Judged`` for each plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +24,15 @@ class SuggestionProblem:
     flight: DryRunProblem | None = None
     """Robot and water that both plans are flown ahead in; ``None`` where the vehicle is not known,
     and both are judged as they are planned."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonProblem:
+    """Plans that are judged as they are written, each as if it alone were flown."""
+
+    survey: SurveyProblem
+    """The belief that they are judged on."""
+    plans: tuple[tuple[Leg, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)

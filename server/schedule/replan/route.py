@@ -2,20 +2,22 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Query
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
+from server.schedule.replan.comparison import PlanComparison
 from server.schedule.replan.contacts import Contacts
 from server.schedule.replan.desk import SuggestionDesk
 from server.schedule.replan.suggestions import Suggestions
-from server.schedule.replan.view import ContactWindowView, PlanSuggestionView
+from server.schedule.replan.view import ComparedPlanView, ContactWindowView, PlanSuggestionView
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["plans"], route_class=IdempotentRoute)
 
 ContactsDep = Annotated[Contacts, Depends(service(Contacts))]
 DeskDep = Annotated[SuggestionDesk, Depends(service(SuggestionDesk))]
+ComparisonDep = Annotated[PlanComparison, Depends(service(PlanComparison))]
 SuggestionsDep = Annotated[Suggestions, Depends(service(Suggestions))]
 
 
@@ -38,6 +40,21 @@ async def get_suggestion(caller: Viewer, robot: str, desk: DeskDep) -> PlanSugge
     """
     del caller
     return await desk.view(robot)
+
+
+@router.get("/plans/comparison")
+async def compare_plans(
+    caller: Viewer,
+    robot: str,
+    comparison: ComparisonDep,
+    plan: Annotated[list[str], Query(min_length=1, max_length=8)],
+) -> list[ComparedPlanView]:
+    """Return what each of some plans would tell of the map, on the same belief, in their order.
+
+    Plans of any kind that has legs: what a person drew stands beside what the planner found.
+    """
+    del caller
+    return await comparison.of(robot, plan)
 
 
 @router.post("/suggestion", status_code=202)

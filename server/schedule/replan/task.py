@@ -36,7 +36,12 @@ from server.plan.primitive_legs import candidate_of
 from server.plan.search import task as search
 from server.plan.task import SurveyProblem
 from server.schedule.replan.flights import flown
-from server.schedule.replan.problem import Judged, SuggestionFound, SuggestionProblem
+from server.schedule.replan.problem import (
+    ComparisonProblem,
+    Judged,
+    SuggestionFound,
+    SuggestionProblem,
+)
 
 _JUDGED_SEED = 7
 """The points of the objective are drawn by it, other than the search's."""
@@ -68,6 +73,20 @@ def run(
         new=None if best is None else judged(best),
         samples=len(survey.samples),
     )
+
+
+def compare(
+    problem: ComparisonProblem,
+    report: Callable[[float], None],
+    is_cancelled: Callable[[], bool],
+) -> list[Judged]:
+    """Judge each of some plans on the same belief."""
+    del is_cancelled
+    judge, found = Judge(problem.survey), list[Judged]()
+    for number, legs in enumerate(problem.plans, start=1):
+        found.append(judge.of(candidate_of(problem.survey.planner, legs)))
+        report(number / len(problem.plans))
+    return found
 
 
 class Judge:

@@ -74,6 +74,15 @@ class JudgedView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class ComparedPlanView(View):
+    """One of the plans that were held against each other."""
+
+    plan: str
+    brings: JudgedView
+    """If it alone were flown from now on, judged as it is written."""
+
+
+@dataclass(frozen=True, slots=True)
 class AutomationView(View):
     """What the station may do of itself for a robot, and how much of that is used."""
 

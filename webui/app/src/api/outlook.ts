@@ -20,5 +20,8 @@ export class OutlookApi {
   /** Have a better plan searched for; nothing is sent. */
   askForSuggestion = (robot: string) =>
     told(this.#http.POST('/api/robots/{robot}/suggestion', of({ robot })));
+  /** What each of some plans would tell of the map, in their order. */
+  comparePlans = (robot: string, plan: string[]) =>
+    told(this.#http.GET('/api/robots/{robot}/plans/comparison', of({ robot }, { plan })));
   battery = (robot: string) => told(this.#http.GET('/api/robots/{robot}/battery', of({ robot })));
 }
