@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from autonomy.design.document import Design, Mooring, StationKeep, Way, Waypoint
+from autonomy.design.document import Design, Mooring, StationKeep, SurfacingRules, Way, Waypoint
 from server.plan_file.leg import WrittenLeg
 
 Format = Literal["qgc_plan", "wpl", "kml", "geojson", "csv"]
@@ -110,4 +110,11 @@ def _of_surfacing(format: Format, design: Design) -> list[str]:
         texts.append(f"that it comes up at {len(rules.at_utc)} times")
     if rules.max_uncertainty_m is not None:
         texts.append(f"that it comes up when less certain than {rules.max_uncertainty_m:g} m")
+    if rules.samples_waiting is not None:
+        texts.append(f"that it comes up when {rules.samples_waiting:,} samples wait")
+    texts += [
+        f"that it comes up when {one.channel} is {one.side} {one.value:g}" for one in rules.on_value
+    ]
+    if rules.hold_off_s != SurfacingRules().hold_off_s:
+        texts.append(f"that its own rules bring it up not again for {rules.hold_off_s:g} s")
     return texts
