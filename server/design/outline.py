@@ -5,7 +5,7 @@ A pure function of what it is given, so that it can run beside the event loop.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -73,6 +73,9 @@ class Surroundings:
     """Where it was put into the water; ``None`` where nobody knows."""
     channels: ChannelCatalogue = field(default_factory=lambda: CHANNELS)
     """By which rules of surfacing name what the robot measures."""
+    announced: frozenset[int] | None = None
+    """Numbers of the channels that the robot announced and means as the catalogue does; ``None`` of
+    one that announced none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ def lay(design: Design, around: Surroundings) -> Outline:
     waypoints: tuple[Waypoint, ...] = ()
     order = None
     try:
-        order = surfacing_order(design.surfacing, around.channels)
+        order = surfacing_order(design.surfacing, around.channels, around.announced)
         waypoints = waypoints_of(design, around.site, around.spacing_m)
         due_s = [(at - around.now).total_seconds() for at in design.surfacing.times]
         laid_out = lay_out(
@@ -113,12 +116,21 @@ def lay(design: Design, around: Surroundings) -> Outline:
     return Outline(waypoints, laid_out, rules, None, order)
 
 
-def surfacing_order(rules: SurfacingRules, channels: ChannelCatalogue) -> SurfacingOrder | None:
+def surfacing_order(
+    rules: SurfacingRules, channels: ChannelCatalogue, announced: Collection[int] | None = None
+) -> SurfacingOrder | None:
     """Return the rules that the robot itself keeps, ``None`` if there are none.
 
+    The program on board knows the delivered channels alone, whatever a team added ashore.
+
+    Args:
+        rules: The rules.
+        channels: By which they name what is measured.
+        announced: Numbers of what the robot measures, ``None`` if it announced nothing.
+
     Raises:
-        ValueError: If a rule names a channel that is not in the catalogue, or does not travel;
-            the field is named.
+        ValueError: If a rule names a channel that is not in the catalogue, does not travel, or that
+            the robot does not know or measure; the field is named.
     """
     if rules.samples_waiting is None and not rules.on_value:
         return None
@@ -127,6 +139,12 @@ def surfacing_order(rules: SurfacingRules, channels: ChannelCatalogue) -> Surfac
         field, channel = f"surfacing.on_value.{number}", channels.get(rule.channel)
         if channel is None or not channel.wire_number:
             said = "is computed ashore" if channel else "is not in the catalogue"
+            raise ValueError(f"{field}.channel: the channel {rule.channel} {said}")
+        if CHANNELS.numbered(channel.wire_number) is None:
+            said = "is the team's own, which the program on board does not know"
+            raise ValueError(f"{field}.channel: the channel {rule.channel} {said}")
+        if announced is not None and channel.wire_number not in announced:
+            said = "is not among those that the robot announced to measure"
             raise ValueError(f"{field}.channel: the channel {rule.channel} {said}")
         if channel.fault(rule.value) is not None:
             span = f"{channel.low:g} to {channel.high:g} {channel.unit}"

@@ -7,6 +7,7 @@ from server.base.foundation import Foundation
 from server.battery.battery_use import BatteryUse
 from server.design.outline import Surroundings
 from server.fleet.fleet import Fleet
+from server.fleet.status import RobotStatus
 from server.plan.planning import Planning
 
 _LINES_MIN = 4
@@ -42,8 +43,17 @@ async def surroundings(
         tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
         now=foundation.clock.now(),
         channels=foundation.channels.catalogue,
+        announced=_announced(status),
     )
     return holds.id, around
+
+
+def _announced(status: RobotStatus) -> frozenset[int] | None:
+    """Return the numbers of what a robot announced and means as the catalogue does."""
+    if status.announced is None:
+        return None
+    numbers = {row.number for row in status.announced.table.rows}
+    return frozenset(numbers - set(status.channel_faults))
 
 
 def _spacing_m(field: FieldConfig, config: PlannerConfig) -> float:

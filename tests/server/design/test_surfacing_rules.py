@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from autonomy.channel import CHANNELS
+from autonomy.channel import CHANNELS, OWN_WIRE_NUMBERS, Channel
 from autonomy.design.document import SurfacingRules, ValueRule
 from robot_link.surfacing_order import ValueLimit
 from server.design.outline import surfacing_order
@@ -51,6 +51,19 @@ def test_a_channel_that_is_computed_ashore_brings_nobody_up():
         pytest.skip("every delivered channel travels")
     with pytest.raises(ValueError, match="is computed ashore"):
         surfacing_order(SurfacingRules(on_value=(oxygen(channel=derived[0].key),)), CHANNELS)
+
+
+def test_a_channel_that_the_robot_does_not_know_or_measure_brings_nobody_up():
+    own = Channel("turtles", "Turtles", "1", OWN_WIRE_NUMBERS[0])
+    catalogue = CHANNELS.with_own([own])
+    wrong = SurfacingRules(on_value=(oxygen(channel="turtles"),))
+    with pytest.raises(ValueError, match=r"^surfacing\.on_value\.0\.channel: .*does not know"):
+        surfacing_order(wrong, catalogue, {own.wire_number})
+    rules = SurfacingRules(on_value=(oxygen(),))
+    with pytest.raises(ValueError, match=r"^surfacing\.on_value\.0\.channel: .*announced"):
+        surfacing_order(rules, catalogue, {CHANNELS["temperature"].wire_number})
+    number = CHANNELS["dissolved_oxygen"].wire_number
+    assert surfacing_order(rules, catalogue, {number}) == surfacing_order(rules, catalogue)
 
 
 def test_a_document_with_too_many_rules_or_none_that_makes_sense_is_refused():
