@@ -10,7 +10,6 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.table import flow_at, is_uniform
-from autonomy.estimation.config import EstimatorConfig
 from autonomy.estimation.position import ExpectedPosition
 from autonomy.outline import Indices
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
@@ -171,7 +170,7 @@ def doubts(
     They are those of ``planned_points`` of that dive; they do not depend on the current.
     """
     interval_s = config.primitives.point_interval_s
-    known = _known_doubts(config.position_filter, interval_s)
+    known = _known_doubts(config.position_filter.model_dump_json(), interval_s)
     certain: ExpectedPosition | None = None
     for dive in dives:
         key = (
@@ -193,13 +192,13 @@ def doubts(
 
 @lru_cache(maxsize=8)
 def _known_doubts(
-    config: EstimatorConfig, interval_s: float
+    position_filter: str, interval_s: float
 ) -> dict[tuple[object, ...], tuple[FloatArray, FloatArray]]:
     """Return what was reckoned of dives before, by their durations and depths.
 
     A mission that somebody draws is checked with every change, which leaves most dives alike.
     """
-    del config, interval_s
+    del position_filter, interval_s
     return {}
 
 
