@@ -17,7 +17,7 @@ from robot_link.mission import Mission
 from robot_link.satellite.config import SatelliteConfig
 from server.fleet.status import RobotStatus
 from server.fleet.words import clock_time
-from server.plan.document import mission_of
+from server.plan.document import mission_of, rule_texts
 from server.prediction.basis import Basis
 from server.prediction.view import OwnActView
 
@@ -87,6 +87,10 @@ def _of_mission(known: Known, plan: PlanRecord, mission: Mission) -> list[OwnAct
     text = f"It ends its mission and comes up for good, {settings.timeout_s:.0f} s after it began."
     timeout_at = None if begun is None else begun + timedelta(seconds=settings.timeout_s)
     found.append(OwnActView("timeout", text, timeout_at, source))
+    found += [
+        OwnActView(f"rule-{number}", f"It comes up early when {one}.", None, source)
+        for number, one in enumerate(rule_texts(plan.document), start=1)
+    ]
     limit_m = settings.max_uncertainty_m
     text = f"It comes up for a fix once it takes its position for uncertain by {limit_m:g} m."
     at = known.uncertain_at
