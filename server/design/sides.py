@@ -24,6 +24,8 @@ class Side:
     """None of a plan that was not made of a design."""
     legs: tuple[Leg, ...]
     waypoints: tuple[int, ...] | None
+    has_legs: bool = True
+    """Whether they could be laid out; if not, the title says why."""
 
 
 class Sides:
@@ -41,7 +43,9 @@ class Sides:
             UnknownIdError: If there is no such design, version or plan.
             Problem: 422 for a side that is none, 409 if nothing is known to be on board.
         """
-        return _compared(await self._side(design, first), await self._side(design, second))
+        return _compared(
+            await self._side(design, first, "first"), await self._side(design, second, "second")
+        )
 
     async def difference_with(self, design: str, document: Design) -> DifferenceView:
         """Return how a document differs from the working one, which is the first.
@@ -50,10 +54,10 @@ class Sides:
             UnknownIdError: If there is no such design.
         """
         record = await self._designs.get(design)
-        working = await self._side(design, "working")
+        working = await self._side(design, "working", "first")
         return _compared(working, await self._drawn(record.robot, "yours", document))
 
-    async def _side(self, design: str, name: str) -> Side:
+    async def _side(self, design: str, name: str, field: str) -> Side:
         kind, _, which = name.partition(":")
         record = await self._designs.get(design)
         if kind == "working" and not which:
@@ -69,11 +73,14 @@ class Sides:
         if kind == "on_board" and not which:
             return await self._on_board(record.robot)
         text = f"{name!r} is no side: say working, version:3, plan:plan-12 or on_board"
-        raise unprocessable("1 field is wrong.", [FieldError(loc=["first"], msg=text)])
+        raise unprocessable("1 field is wrong.", [FieldError(loc=[field], msg=text)])
 
     async def _drawn(self, robot: str, title: str, document: Design) -> Side:
         found, _ = await self._designs.laid(robot, document)
-        return Side(title, document, tuple(found.laid_out.legs), tuple(found.laid_out.waypoint))
+        if found.flaw is not None:
+            title += ", which cannot be laid out: " + " ".join(found.flaw)
+        legs, waypoints = tuple(found.laid_out.legs), tuple(found.laid_out.waypoint)
+        return Side(title, document, legs, waypoints, has_legs=found.flaw is None)
 
     async def _flown(self, title: str, plan: PlanRecord) -> Side:
         document, cited = None, plan.document.get("design")
@@ -107,7 +114,7 @@ def _compared(first: Side, second: Side) -> DifferenceView:
         first=first.title,
         second=second.title,
         fields=changes,
-        legs=leg_changes(one, other),
+        legs=leg_changes(one, other) if first.has_legs and second.has_legs else [],
         first_legs=one,
         second_legs=other,
     )

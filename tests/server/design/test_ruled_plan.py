@@ -85,3 +85,21 @@ async def test_a_rule_that_no_robot_can_keep_is_named_by_its_field(client, rule,
     made = await client.post(f"/api/designs/{design['id']}/plan")
     assert made.status_code == 422
     assert made.json()["errors"][0]["loc"] == ["surfacing", "on_value", "0", field]
+
+
+async def test_a_side_that_cannot_be_laid_out_is_said_and_its_legs_are_not_gone(client):
+    line = [{"north_m": 0.5, "east_m": 0.4}, {"north_m": 2.2, "east_m": 0.9}]
+    content = {"kind": "waypoints", "waypoints": line}
+    design = await begun(client, {"content": content})
+    wrong = RULES | {"on_value": [RULES["on_value"][0] | {"channel": "kryptonite"}]}
+    path = f"/api/designs/{design['id']}/difference"
+    tried = {"document": {"content": content, "surfacing": wrong}}
+    answer = await client.post(path, json=tried)
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    assert "cannot be laid out: surfacing.on_value.0.channel" in found["second"]
+    assert found["first_legs"]
+    assert found["legs"] == []
+    refused = await client.get(path, params={"first": "working", "second": "moon"})
+    assert refused.status_code == 422
+    assert refused.json()["errors"][0]["loc"] == ["second"]
