@@ -32,6 +32,8 @@ from autonomy.site import Site
 NorthEast = tuple[float, float]
 
 _SAME_PLACE_M = 0.05
+_SEEN_RAD = math.radians(0.5)
+"""Other glide angles are remarked on."""
 _LOOKS_A_YO = 8
 """Places at which the floor is looked up under one descent and climb."""
 _LOOKS_MAX = 2000
@@ -160,9 +162,12 @@ class _Layout:
         config = _with_speed(self._config, "glide_speed_m_s", manner.glide_speed_m_s)
         origin = self._truth()
         length_m = math.dist(origin[:2], goal_ne_m)
+        angle_rad = _angle_rad(manner, config)
+        travel_m = self._travel_m(number, origin, goal_ne_m, manner, config, angle_rad)
         line = Line(
             length_m=length_m,
-            travel_m=self._travel_m(number, origin, goal_ne_m, manner, config),
+            travel_m=travel_m,
+            steepest_m=self._steepest_m(number, origin, goal_ne_m, manner, config, travel_m),
             begin_m=self._here[2],
             shallow_m=manner.shallow_m,
             ends_up=ends_up,
@@ -175,7 +180,8 @@ class _Layout:
             self._too_short(number, goal_ne_m, manner, length_m)
             return
         self._remark_depth(number, manner, max(depths))
-        travel_m = sum(abs(b - a) for a, b in pairwise(depths))
+        asked_m, travel_m = travel_m, sum(abs(b - a) for a, b in pairwise(depths))
+        self._remark_angle(number, math.tan(angle_rad) * travel_m / asked_m, angle_rad)
         passed_m = 0.0
         for before, depth in pairwise(depths):
             passed_m += abs(depth - before)
@@ -190,6 +196,7 @@ class _Layout:
         goal_ne_m: NorthEast,
         manner: Manner,
         config: PlannerConfig,
+        angle_rad: float,
     ) -> float:
         """Return how much depth a glide takes down and up, the water's way on a line allowed for.
 
@@ -197,7 +204,7 @@ class _Layout:
         ``d``: ``|d - c T| = w T`` gives the time ``T``, and the travel is ``v T``.
         """
         speed = config.primitives.glide_speed_m_s
-        through_m_s = speed / math.tan(_angle_rad(manner, config))
+        through_m_s = speed / math.tan(angle_rad)
         way = np.array(goal_ne_m) - np.array(origin[:2])
         north_m, east_m = (origin[0] + 0.5 * float(way[0]), origin[1] + 0.5 * float(way[1]))
         deep_m = 0.5 * self._usual_deep_m(manner)
@@ -212,6 +219,23 @@ class _Layout:
             speeds = f"{math.hypot(*current):.2g} m/s; it glides at {through_m_s:.2g} m/s"
             raise ValueError(f"waypoints.{number}: the current is too strong for a glide: {speeds}")
         return speed * (math.sqrt(root) - b) / a
+
+    def _steepest_m(
+        self,
+        number: int,
+        origin: PositionNed,
+        goal_ne_m: NorthEast,
+        manner: Manner,
+        config: PlannerConfig,
+        travel_m: float,
+    ) -> float:
+        """Return what depth the steepest steady glide takes down and up; not less than asked."""
+        angle_rad = config.primitives.glide_angle_max_rad
+        try:
+            found_m = self._travel_m(number, origin, goal_ne_m, manner, config, angle_rad)
+        except ValueError:
+            return travel_m  # so steep it does not get on against the current
+        return max(found_m, travel_m)
 
     def _too_short(
         self, number: int, goal_ne_m: NorthEast, manner: Manner, length_m: float
@@ -338,6 +362,13 @@ class _Layout:
         if deepest_m < _MUCH_LESS * usual_m:
             text = f"The deepest turn is at {deepest_m:.2g} m instead of {usual_m:.3g} m."
             self._found.remarks.append(Remark(number, text))
+
+    def _remark_angle(self, number: int, slope: float, asked_rad: float) -> None:
+        flown_rad = math.atan(slope)
+        if abs(flown_rad - asked_rad) > _SEEN_RAD:
+            flown, asked = math.degrees(flown_rad), math.degrees(asked_rad)
+            text = f"So that turns lie far enough apart, it glides at {flown:.0f}° instead of "
+            self._found.remarks.append(Remark(number, f"{text}{asked:.0f}°."))
 
     def _truth(self) -> PositionNed:
         """Return where the robot really is."""

@@ -2,9 +2,11 @@
 
 How far it must go down and up in all follows from the glide angle, which is kept as asked. What
 gives way are the deep turns, which become by one factor so much shallower that the line ends where
-it should, and where that is not enough the shallow turns.
+it should, and where that is not enough the shallow turns. Only where the turns would then lie too
+close together the angle gives way too: steeper, as far as the vehicle glides, else flatter.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,6 +25,8 @@ class Line:
     length_m: float
     travel_m: float
     """Depth to go down and up in all, for the glide angle that is asked."""
+    steepest_m: float
+    """The same for the steepest angle that the vehicle glides steadily; not less."""
     begin_m: float
     """Depth where the line begins."""
     shallow_m: float
@@ -50,7 +54,8 @@ def turning_depths(line: Line) -> list[float] | None:
     """Return the depths between which a robot glides straight, its first and last included.
 
     Each pair is one glide; all have one angle, the one that was asked for unless the turns would
-    then lie too close together whatever gives way; then it is flatter.
+    then lie too close together whatever gives way; then it is steeper, or flatter where it would be
+    too steep.
 
     Returns:
         None if the line is too short, or the water too shallow, to glide along.
@@ -64,6 +69,9 @@ def turning_depths(line: Line) -> list[float] | None:
         fitted = _fitted(shallower, shallow_m, line.travel_m)
         if _is_steady(fitted, line.depth_change_min_m):
             return fitted
+    steeper = _steeper(turns, line)
+    if steeper is not None:
+        return steeper
     fewer = _fewer(turns, line)
     return fewer if fewer is not None and _is_steady(fewer, line.depth_change_min_m) else None
 
@@ -111,6 +119,21 @@ def _scaled(turns: list[Turn], shallow_m: float, share: float) -> list[float]:
         shallow_m + share * (turn.depth_m - shallow_m) if turn.gives_way else turn.depth_m
         for turn in turns
     ]
+
+
+def _steeper(turns: list[Turn], line: Line) -> list[float] | None:
+    """Return the same turns just as deep as each glide needs; None where that is too steep."""
+    least, full = (_scaled(turns, line.shallow_m, share) for share in (0.0, 1.0))
+    needed = 0.0
+    for (a, b), (c, d) in zip(pairwise(least), pairwise(full), strict=True):
+        gain_m, lacks_m = abs(d - c) - abs(b - a), line.depth_change_min_m - abs(b - a)
+        if lacks_m > _SLACK_M:
+            needed = max(needed, lacks_m / gain_m if gain_m > 0.0 else math.inf)
+    if needed > 1.0:
+        return None
+    depths = _scaled(turns, line.shallow_m, needed)
+    is_gentle = _travel_m(depths) <= line.steepest_m + _SLACK_M
+    return depths if is_gentle and _is_steady(depths, line.depth_change_min_m) else None
 
 
 def _fewer(turns: list[Turn], line: Line) -> list[float] | None:

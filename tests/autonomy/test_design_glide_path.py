@@ -72,7 +72,8 @@ def test_turns_take_just_the_travel_that_a_line_needs(rng):
         deepest = shallow + rng.uniform(2.0, 9.0)
         line = Line(
             length_m=100.0,
-            travel_m=rng.uniform(8.0, 90.0),
+            travel_m=(travel := rng.uniform(8.0, 90.0)),
+            steepest_m=travel,
             begin_m=begin,
             shallow_m=shallow,
             ends_up=bool(rng.integers(2)),
@@ -94,6 +95,34 @@ def test_turns_take_just_the_travel_that_a_line_needs(rng):
         assert travel == pytest.approx(line.travel_m) or (
             line.travel_m - 2.0 * deepest - 0.5 <= travel < line.travel_m
         )
+
+
+def test_turns_that_would_lie_too_close_are_glided_steeper_if_the_vehicle_can(rng):
+    motion = GRACE3.primitives
+    asked = math.tan(0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad))
+    steepest = math.tan(motion.glide_angle_max_rad)
+    for _ in range(300):
+        length, deep = rng.uniform(12.0, 80.0), rng.uniform(1.05, 2.0) * motion.depth_change_min_m
+        line = Line(
+            length_m=length,
+            travel_m=asked * length,
+            steepest_m=steepest * length,
+            begin_m=0.0,
+            shallow_m=0.0,
+            ends_up=True,
+            depth_change_min_m=motion.depth_change_min_m,
+            deep_at=lambda _, deep=deep: deep,
+            comes_up=lambda _: False,
+        )
+        depths = turning_depths(line)
+        slopes = 1 if depths is None else sum(abs(b - a) for a, b in pairwise(depths)) / length
+        least = 2.0 * motion.depth_change_min_m
+        if any(asked * length <= n * least <= steepest * length for n in range(1, 20)):
+            assert depths is not None
+            assert slopes <= steepest + 1e-9
+        if depths is not None and slopes > asked + 1e-6:
+            shortest = min(abs(b - a) for a, b in pairwise(depths))
+            assert shortest == pytest.approx(motion.depth_change_min_m)
 
 
 def test_a_line_too_short_for_a_glide_is_swum_and_said_so(rng):
