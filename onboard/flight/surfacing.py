@@ -32,7 +32,9 @@ class SurfacingWatch:
                 continue
             if limit.is_crossed(value):
                 side = "above" if limit.is_above else "below"
-                self._crossed = f"{channel.title.lower()} of {value:.4g} is {side} {limit.limit:g}"
+                unit = "" if channel.unit == "1" else f" {channel.unit}"
+                said = f"{channel.title.lower()} of {value:.4g} is {side} {limit.limit:g}{unit}"
+                self._crossed = said
 
     def met(self, mission_s: float, samples_waiting: int, *, is_under_way: bool) -> str:
         """Return which rule is met, or ""; from then on the hold-off runs.

@@ -81,7 +81,7 @@ class BatteryUse:
         self._looks = Wakeups(foundation.clock, _REST_S)
         self._known: dict[str, _Known] = {}
         self._turn = asyncio.Lock()
-        self._homes: dict[str, tuple[float, float]] = {}
+        self._homes: dict[tuple[str, datetime], tuple[float, float]] = {}
         """By deployment."""
 
     async def of(self, robot: str) -> Battery | None:
@@ -114,13 +114,14 @@ class BatteryUse:
         deployment = self._fleet.status(robot).deployment
         if deployment is None or deployment.started_at is None:
             return None
-        if deployment.id not in self._homes:
-            since = deployment.started_at
+        since = deployment.started_at
+        key = deployment.id, since
+        if key not in self._homes:
             found = await self._store.query(lambda session: first_place(session, robot, since))
             if found is None:
                 return None
-            self._homes[deployment.id] = found
-        return self._homes[deployment.id]
+            self._homes[key] = found
+        return self._homes[key]
 
     def take(self, event: ValuesStored) -> None:
         """Take that a robot's words were stored."""
@@ -203,7 +204,9 @@ class BatteryUse:
             if said is not None and said["vehicle"] == vehicle.key:
                 known = _of_document(said)
             else:
-                known = _Known(vehicle.key, await self._prior(robot, vehicle))
+                # What was said before was of another vehicle, and teaches nothing of this one.
+                read = None if said is None else _of_document(said).read
+                known = _Known(vehicle.key, await self._prior(robot, vehicle), read=read)
             known = self._known.setdefault(robot, known)
             if known.vehicle != vehicle.key:
                 known = self._known[robot] = _Known(

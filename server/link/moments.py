@@ -53,9 +53,9 @@ class Told:
     is_live: bool = False
     """Whether a radio hears it."""
     silent_since: datetime | None = None
-    """Since when none does; ``None`` before the first contact."""
+    """Since when none does, after a restart the newest word of before; ``None`` before any."""
     called_at: datetime | None = None
-    """Newest session by satellite."""
+    """Newest session by satellite, after a restart the newest word of before."""
 
 
 class Moments:
@@ -76,9 +76,10 @@ class Moments:
             last = await self._store.query(
                 lambda session, robot=robot: newest_of_kinds(session, robot, kinds)
             )
-            self._told[robot] = _resumed(last)
+            heard_at = None if state is None else state.received_at
+            self._told[robot] = replace(_resumed(last), silent_since=heard_at, called_at=heard_at)
             if state is not None and not status.record.is_foreign:
-                self.take_state(StateReported(state, is_prompt=False))
+                self._take(state, by=None)
 
     async def run(self) -> None:
         """Write until cancelled."""
@@ -86,14 +87,16 @@ class Moments:
 
     def take_state(self, event: StateReported) -> None:
         """Take a state; one that is older than what is known says nothing new."""
-        report = event.report
+        self._take(event.report, by="radio" if event.is_prompt else "satellite")
+
+    def _take(self, report: StateReport, *, by: str | None) -> None:
         told, down = self._of(report.robot), is_down(report)
         if down is None or (told.at is not None and report.measured_at <= told.at):
             return
         self._told[report.robot] = replace(told, is_down=down, at=report.measured_at)
         if down == told.is_down or (told.is_down is None and not down):
             return
-        self._dive(report, is_begun=down, is_prompt=event.is_prompt)
+        self._dive(report, is_begun=down, by=by)
 
     def take_plan(self, event: PlanReported) -> None:
         """Take how far a robot is with its plan: by satellite that may tell of a dive."""
@@ -106,7 +109,7 @@ class Moments:
             return
         if told.at is None or report.measured_at < told.at:
             return
-        self._dive(state, is_begun=False, is_prompt=False)
+        self._dive(state, is_begun=False, by="satellite")
 
     def robot_changed(self, robot: str) -> None:
         """Take that a link to a robot may be another: it may have come into contact."""
@@ -135,14 +138,17 @@ class Moments:
     def _of(self, robot: str) -> Told:
         return self._told.setdefault(robot, Told())
 
-    def _dive(self, report: StateReport, *, is_begun: bool, is_prompt: bool) -> None:
-        """Write that a dive began, or that it ended and the robot is up."""
+    def _dive(self, report: StateReport, *, is_begun: bool, by: str | None) -> None:
+        """Write that a dive began, or that it ended and the robot is up.
+
+        ``by`` is ``None`` for a word of before a restart, which tells no more what carried it.
+        """
         robot, status = report.robot, self._fleet.status(report.robot)
         hand, plan = status.plan, status.plan_report
         data = {
             "measured_at": report.measured_at.isoformat(),
             "received_at": report.received_at.isoformat(),
-            "by": "radio" if is_prompt else "satellite",
+            "by": by,
             "position_ned": list(report.position_ned),
             "position_std_m": report.position_std_m,
             "has_fix": report.has_fix,

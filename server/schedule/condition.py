@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, Field, TypeAdapter
 
+from autonomy.channel import CHANNELS
 from server.base.view import Body
 from server.fleet.words import clock_time
 
@@ -64,7 +65,11 @@ def text_of(condition: Condition) -> str:
         case AtTime(at=at):
             return f"{at.strftime('%Y-%m-%d')} {clock_time(at)}"
         case ValueBeyond(channel=channel, side=side, limit=limit):
-            return f"{channel} {side} {limit:g}"
+            known = CHANNELS.get(channel)
+            if known is None:
+                return f"{channel} {side} {limit:g}"
+            unit = "" if known.unit == "1" else f" {known.unit}"
+            return f"{known.title.lower()} {side} {limit:g}{unit}"
         case AfterPlan(plan=plan):
             return f"the end of {plan}"
 

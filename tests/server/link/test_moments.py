@@ -184,9 +184,31 @@ async def test_surfacing_that_a_killed_station_had_not_told_is_told_by_the_next(
 
         await until(told)
         assert (await _kinds(station)).count(SURFACED) == 1
+        found = await station.foundation.store.query(newest_events)
+        # What carried the word is not kept with it.
+        assert [one.data["by"] for one in found if one.kind == SURFACED] == [None]
+
+
+async def test_robot_that_is_heard_as_soon_as_a_station_runs_again_was_not_silent(tmp_path, world):
+    async def kinds(station):
+        found = await station.foundation.store.query(newest_events)
+        return [one.kind for one in found]
+
+    async with open_station(tmp_path, world):
+        word(world, start(), RobotMode.IDLE)
+        world.hear(MINI)
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        at = start()
+        word(world, at, RobotMode.GLIDING, 0.6)
+
+        async def begun():
+            return DIVE_BEGUN in await kinds(station) or None
+
+        await until(begun)
+        assert (await kinds(station)).count(CONTACT) <= 1  # of before alone
 
 
 async def _kinds(station):
-
     found = await station.foundation.store.query(newest_events)
     return [one.kind for one in found if one.kind in DIVES]
