@@ -5,11 +5,15 @@ For the calibration the "real" robot is the readable program on a simulated robo
 current, drift, ballast, noise and battery are drawn from the spread that the ensemble knows; of one
 mission in five the current is told wrong, by as much again as it is unknown, and the ensemble is
 told that such things happen by the doubled spread of the current.
+
+Some flights are chaotic: the readable program parts from itself once the current is another by
+``NUDGE_M_S``, far less than anybody knows. Each is flown with such a twin, and rows say how near
+the kernel is in all flights and in those that keep to their twin.
 """
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.planner.plan import Leg
 from autonomy.planner.preset import PLANNER_PRESETS
 from benchmarks.drawn.mission import mission_of
 from robot_link.dry_run import DryRunProblem
@@ -33,8 +38,11 @@ PAIRS = int(os.environ.get("FLIGHT_AHEAD_PAIRS", "50"))
 """Seeds of the comparison with the readable program, half of them in each water."""
 REAL = int(os.environ.get("FLIGHT_AHEAD_REAL", "100"))
 """Real flights of the calibration, ten of each mission."""
+NUDGE_M_S = 1e-12
 EACH = 10
 _DURATIONS_S = {"tank": 240.0, "lake": 1200.0}
+_BARS = {"tank": 0.05, "lake": 0.01}
+"""Most that a flight may be off, m, and as a part of the leg."""
 _SHARES = np.linspace(0.1, 1.0, 10)
 
 
@@ -45,6 +53,12 @@ class Compared:
     water: str
     has_same_modes: bool
     worst: float
+    twin: float
+    """The same of the readable program and its twin."""
+
+    @property
+    def is_chaotic(self) -> bool:
+        return self.twin > _BARS[self.water]
 
 
 def measure() -> list[dict[str, Any]]:
@@ -113,33 +127,52 @@ def compared(seed: int, water: str) -> Compared:
     truth = readable.fly_readable(plan.definition, asked.mission, drawn, seed)
     if truth is None:
         raise ValueError("it was cancelled")
+    north, east = drawn.current_ne_m_s
+    nudged = replace(drawn, current_ne_m_s=(north + NUDGE_M_S, east))
+    twin = readable.fly_readable(plan.definition, asked.mission, nudged, seed)
+    if twin is None:
+        raise ValueError("it was cancelled")
     mine = flight.fly_with(plan, drawn, truth.noise.first, truth.noise.steps)
-    modes = [tuple(one[1:]) for one in mine.changes.tolist()]
-    has_same = modes == [one[1:] for one in truth.changes] and len(mine.rows) == len(truth.rows)
-    if not has_same:
-        return Compared(water, False, float("inf"))
-    off_m = np.zeros(len(mine.rows))
+    modes = [one[1:] for one in truth.changes]
+    has_same = [tuple(one[1:]) for one in mine.changes.tolist()] == modes
+    has_same_twin = [one[1:] for one in twin.changes] == modes
+    worst = apart(water, asked.mission.legs, mine.rows, truth.rows) if has_same else np.inf
+    other = apart(water, asked.mission.legs, twin.rows, truth.rows) if has_same_twin else np.inf
+    return Compared(water, has_same, worst, other)
+
+
+def apart(water: str, legs: Sequence[Leg], rows: FloatArray, others: FloatArray) -> float:
+    """Return how far two flights are apart at most, m, in the lake as a part of the leg."""
+    if len(rows) != len(others):
+        return float("inf")
+    off_m = np.zeros(len(rows))
     for first in (ROW_NORTH, ROW_BELIEVED_NORTH):
-        apart = (mine.rows - truth.rows)[:, first : first + 3]
-        off_m = np.maximum(off_m, np.linalg.norm(apart, axis=1))
+        between = (rows - others)[:, first : first + 3]
+        off_m = np.maximum(off_m, np.linalg.norm(between, axis=1))
     if water == "tank":
-        return Compared(water, True, float(off_m.max()))
-    legs = asked.mission.legs
+        return float(off_m.max())
     length_m = np.array(
         [np.linalg.norm(np.subtract(one.end_ned, one.start_ned)) for one in (*legs, legs[-1])]
     )
-    leg = truth.rows[:, 1].astype(int)
-    return Compared(water, True, float((off_m / np.maximum(length_m[leg], 1.0)).max()))
+    leg = others[:, 1].astype(int)
+    return float((off_m / np.maximum(length_m[leg], 1.0)).max())
 
 
 def agreement(found: list[Compared]) -> Iterator[dict[str, Any]]:
     same = sum(one.has_same_modes for one in found)
     yield row("same modes and legs as the readable program", same, f"of {len(found)} flights",
               len(found), same == len(found))  # fmt: skip
-    for water, unit, bar in (("tank", "m", 0.05), ("lake", "of the leg", 0.01)):
-        worst = max(one.worst for one in found if one.water == water)
-        text = f"{unit}, worst of {sum(one.water == water for one in found)} flights, same noise"
+    for water, unit in (("tank", "m"), ("lake", "of the leg")):
+        mine, bar = [one for one in found if one.water == water], _BARS[water]
+        worst = max(one.worst for one in mine)
+        text = f"{unit}, worst of {len(mine)} flights, same noise"
         yield row(f"from the readable program, {water}", worst, text, bar, worst <= bar)
+        calm = [one.worst for one in mine if not one.is_chaotic]
+        worst = max(calm, default=float("nan"))
+        text = f"{unit}, worst of the {len(calm)} flights that keep to their twin"
+        yield row(
+            f"from the readable program, {water}, not chaotic", worst, text, bar, worst <= bar
+        )
 
 
 def row(name: str, value: float, unit: str, bar: float, met: bool) -> dict[str, Any]:
