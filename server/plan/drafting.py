@@ -1,7 +1,8 @@
 """Drafts: the mission that a trajectory becomes, and what speaks against flying it now."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
+from typing import Any
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
@@ -160,8 +161,7 @@ def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
     if plan.state not in SENDABLE:
         return ()
     said: list[str] = []
-    config = PlannerConfig.model_validate(plan.config)
-    chance = too_likely(dry_run_view(dry_run) if dry_run else None, config)
+    chance = _too_likely(plan, dry_run)
     if dry_run.get("completed") is False or dry_run.get("entered"):
         said.append(dry_run["message"])
     broken = dry_run.get("broken", ())
@@ -171,3 +171,11 @@ def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
         *([ViolationView("adaptive.rehearse", rehearsed)] if said else []),
         *([ViolationView("adaptive.greatest_chance", chance)] if chance else []),
     )
+
+
+def _too_likely(plan: PlanRecord, dry_run: Mapping[str, Any]) -> str:
+    """Return why a plan is likelier to leave the water than it may; "" for one that follows."""
+    if plan.kind == FOLLOW_TARGET:  # its settings name no chance: its way is not known before
+        return ""
+    config = PlannerConfig.model_validate(plan.config)
+    return too_likely(dry_run_view(dry_run) if dry_run else None, config)

@@ -27,7 +27,7 @@ class LegView(View):
     """One motion primitive."""
 
     kind: PrimitiveKind
-    """``glide``, ``spiral``, ``dive`` or ``swim``."""
+    """``glide``, ``spiral``, ``dive``, ``swim`` or ``keep``."""
     start_ned: tuple[float, float, float]
     end_ned: tuple[float, float, float]
     speed_m_s: float

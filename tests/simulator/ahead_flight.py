@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.vehicle.config import Vehicle
 from benchmarks.drawn.mission import mission_of
@@ -11,6 +12,7 @@ from robot_link.mission import Mission
 from simulator.ahead import flight, readable
 from simulator.ahead.drawn import Drawn
 from simulator.ahead.pack import EXACT
+from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH, ROW_TIME
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 ROBOTS = {"tank": MINI_1, "lake": GRACE_1}
@@ -18,13 +20,31 @@ DURATION_S = {"tank": 150.0, "lake": 700.0}
 """Of the legs of a drawn mission, about."""
 
 
+NUDGE_M_S = 1e-12
+"""A current that nobody could measure."""
+TOLD_APART_M = 1e-7
+"""From here on a flight that grew apart by a nudge tells nothing: what differs grows a thousandfold
+in ten seconds, as where a robot dives to a place straight below it."""
+
+
 @dataclass(frozen=True)
 class Pair:
-    """A mission flown twice."""
+    """A mission flown by both."""
 
     mission: Mission
     readable: readable.ReadableFlight
     compiled: flight.Flown
+    calm_rows: int
+    """Rows until the readable program, flown with a nudge of the current, parts from itself; all of
+    them where it does not."""
+
+    @property
+    def is_calm(self) -> bool:
+        return self.calm_rows == len(self.readable.rows)
+
+    @property
+    def calm_until_s(self) -> float:
+        return float(self.readable.rows[self.calm_rows - 1, ROW_TIME])
 
 
 def drawn_case(
@@ -75,9 +95,22 @@ def flown_pair(seed: int, water: str) -> Pair:
     """Fly what a seed draws by both."""
     definition, mission, drawn = drawn_case(np.random.default_rng(seed), water)
     truth = readable.fly_readable(definition, mission, drawn, seed)
+    north, east = drawn.current_ne_m_s
+    nudged = replace(drawn, current_ne_m_s=(north + NUDGE_M_S, east))
+    twin = readable.fly_readable(definition, mission, nudged, seed)
     assert truth is not None
+    assert twin is not None
     plan = flight.FlightPlan.of(definition, mission, EXACT, row_s=0.1)
-    return Pair(mission, truth, flight.fly_with(plan, drawn, truth.noise.first, truth.noise.steps))
+    mine = flight.fly_with(plan, drawn, truth.noise.first, truth.noise.steps)
+    return Pair(mission, truth, mine, calm_rows(truth.rows, twin.rows))
+
+
+def calm_rows(rows: FloatArray, twin: FloatArray) -> int:
+    """Return how many rows of a flight are as those of its twin."""
+    both = min(len(rows), len(twin))
+    apart = np.abs(rows[:both] - twin[:both])[:, ROW_NORTH : ROW_BELIEVED_NORTH + 3]
+    is_apart = (apart > TOLD_APART_M).any(axis=1)
+    return int(np.argmax(is_apart)) if is_apart.any() else both
 
 
 def leg_length_m(mission: Mission, leg: int) -> float:

@@ -112,7 +112,7 @@ async def test_laid_out_plan_says_where_its_dives_come_up(client, station, world
     record = await station.plans.get(plan["id"])
     config = PlannerConfig.model_validate(record.config)
     assert config.current.flow is not None
-    problem = DryRuns(station.fleet, station.workers)._problem(
+    problem = DryRuns(station.fleet, station.workers).problem(
         "grace-1", mission_of(record), points_of(record.document), config
     )
     assert isinstance(problem, DryRunProblem)
