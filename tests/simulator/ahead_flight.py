@@ -4,27 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.vehicle.config import Vehicle
 from benchmarks.drawn.mission import mission_of
+from benchmarks.drawn.twin import calm_rows
 from robot_link.mission import Mission
 from simulator.ahead import flight, readable
 from simulator.ahead.drawn import Drawn
 from simulator.ahead.pack import EXACT
-from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH, ROW_TIME
+from simulator.ahead.state import ROW_TIME
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 ROBOTS = {"tank": MINI_1, "lake": GRACE_1}
 DURATION_S = {"tank": 150.0, "lake": 700.0}
 """Of the legs of a drawn mission, about."""
-
-
-NUDGE_M_S = 1e-12
-"""A current that nobody could measure."""
-TOLD_APART_M = 1e-7
-"""From here on a flight that grew apart by a nudge tells nothing: what differs grows a thousandfold
-in ten seconds, as where a robot dives to a place straight below it."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +28,7 @@ class Pair:
     readable: readable.ReadableFlight
     compiled: flight.Flown
     calm_rows: int
-    """Rows until the readable program, flown with a nudge of the current, parts from itself; all of
-    them where it does not."""
+    """Rows for which the readable program keeps to its twin."""
 
     @property
     def is_calm(self) -> bool:
@@ -95,22 +87,10 @@ def flown_pair(seed: int, water: str) -> Pair:
     """Fly what a seed draws by both."""
     definition, mission, drawn = drawn_case(np.random.default_rng(seed), water)
     truth = readable.fly_readable(definition, mission, drawn, seed)
-    north, east = drawn.current_ne_m_s
-    nudged = replace(drawn, current_ne_m_s=(north + NUDGE_M_S, east))
-    twin = readable.fly_readable(definition, mission, nudged, seed)
     assert truth is not None
-    assert twin is not None
     plan = flight.FlightPlan.of(definition, mission, EXACT, row_s=0.1)
     mine = flight.fly_with(plan, drawn, truth.noise.first, truth.noise.steps)
-    return Pair(mission, truth, mine, calm_rows(truth.rows, twin.rows))
-
-
-def calm_rows(rows: FloatArray, twin: FloatArray) -> int:
-    """Return how many rows of a flight are as those of its twin."""
-    both = min(len(rows), len(twin))
-    apart = np.abs(rows[:both] - twin[:both])[:, ROW_NORTH : ROW_BELIEVED_NORTH + 3]
-    is_apart = (apart > TOLD_APART_M).any(axis=1)
-    return int(np.argmax(is_apart)) if is_apart.any() else both
+    return Pair(mission, truth, mine, calm_rows(definition, mission, drawn, seed, truth))
 
 
 def leg_length_m(mission: Mission, leg: int) -> float:
