@@ -16,7 +16,7 @@ from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH
 from simulator.fleet import RobotDefinition
 
 NUDGE_M_S = 1e-12
-TOLD_APART_M = 1e-7
+TOLD_APART_M = 1e-8
 
 
 def calm_rows(
