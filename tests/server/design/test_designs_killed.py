@@ -68,7 +68,9 @@ def killed_after(folder, edits):
 
 
 async def test_acknowledged_edits_outlive_a_kill(tmp_path, world):
-    design, last = killed_after(tmp_path, int(np.random.default_rng().integers(1, 120)))
+    edits = int(np.random.default_rng().integers(1, 120))
+    sys.stdout.write(f"killed after {edits} edits\n")
+    design, last = killed_after(tmp_path, edits)
     async with open_station(tmp_path, world) as station:
         designs = station.foundation.services.get(Designs)
         kept = await designs.get(design)
