@@ -1,7 +1,7 @@
 """Making plans: a search in a worker process, or legs that an operator laid out.
 
-Whatever is found is flown ahead by a model of the robot before it is offered (``rehearsing``), and
-only then a draft.
+Whatever is found is flown ahead by a model of the robot before it is offered, and only then a draft
+(``draft_keeper``).
 """
 
 import asyncio
@@ -10,36 +10,30 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
 from autonomy.tracking.config import TrackingConfig
 from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
 from db.query.mission.plans import PlanRecord, PlanStateError
-from robot_link.satellite.config import SatelliteConfig
 from robot_link.surfacing_order import SurfacingOrder
-from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
-from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
 from server.plan.ahead import remaining_s
-from server.plan.battery import PlanBattery, battery_violations, way_there
+from server.plan.battery import PlanBattery, battery_violations
 from server.plan.chance import with_margin
 from server.plan.document import (
-    Draft,
-    draft_document,
     dry_run_view,
     mission_of,
     search_document,
 )
+from server.plan.draft_keeper import DraftKeeper
 from server.plan.drafting import (
     broken_limits,
     broken_off,
-    draft_of,
     outdated_by,
 )
 from server.plan.dry_run import DryRuns
@@ -50,7 +44,7 @@ from server.plan.margin_search import Tried, safest
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.search.request import SearchRequest
 from server.plan.search.round_problem import RoundProblems
-from server.plan.search.survey_round import NOTHING_FEASIBLE, REPLACES
+from server.plan.search.survey_round import NOTHING_FEASIBLE
 from server.plan.settings import PlanSettings
 from server.plan.state import PlanChanged, PlanEvidence
 from server.plan.target_check import target_violations
@@ -84,13 +78,13 @@ class Planning:
         self._workers = workers
         self._machine_code = machine_code
         self._dry_runs = DryRuns(fleet, workers)
+        self._drafts = DraftKeeper(foundation, fleet, ledger, self._flows, self._dry_runs)
         self._dry_runs_again = DryRuns(fleet, foundation.study_workers)
         """They may take as long as they like, and keep no plan waiting."""
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._rehearsed_again: dict[str, asyncio.Task[None]] = {}
         self._turns: dict[str, asyncio.Lock] = {}
         """By site: robots of one fleet survey are planned for one after the other."""
-        self._naming = asyncio.Lock()
 
     async def resume(self) -> None:
         """Close the plans that were being made when the station stopped."""
@@ -98,10 +92,10 @@ class Planning:
             for plan in await self._ledger.of_robot(status.record.id, ("planning",)):
                 if "settings" in plan.document:
                     text = "The station stopped while this was rehearsed; it was not rehearsed."
-                    await self._offer(plan, DryRunView("failed", message=text))
+                    await self._drafts.offer(plan, DryRunView("failed", message=text))
                 else:
                     message = "The station stopped while it planned; plan again."
-                    await self._fail(plan.id, message, {"interrupted": True})
+                    await self._drafts.fail(plan.id, message, {"interrupted": True})
 
     async def stop(self) -> None:
         """Stop searching; the plans are closed when the station starts again."""
@@ -212,7 +206,7 @@ class Planning:
         config = current.config
         flown = await asyncio.to_thread(candidate_of, config, legs)
         try:
-            draft = await self._draft(robot, config, flown, rules)
+            draft = await self._drafts.draft(robot, config, flown, rules)
         except ValueError as error:
             wrong = [FieldError(loc=["legs"], msg=str(error))]
             raise unprocessable("The plan cannot travel to the robot.", wrong) from error
@@ -226,12 +220,14 @@ class Planning:
         )
         text = f"{plan.id} for {robot} is a draft."
         try:
-            kept = await self._keep(plan, config, draft, text)
+            kept = await self._drafts.keep(plan, config, draft, text)
         except StoreUnavailableError:
-            self._begin(plan.id, self._settle(plan.id, lambda: self._interrupted(plan.id)))
+            self._begin(
+                plan.id, self._drafts.settle(plan.id, lambda: self._drafts.interrupted(plan.id))
+            )
             raise
         if kept.state == "planning":
-            self._begin(plan.id, self._fly_ahead(kept, config))
+            self._begin(plan.id, self._drafts.fly_ahead(kept, config))
         return kept
 
     async def take_candidate(
@@ -329,7 +325,7 @@ class Planning:
             kept = await self._ledger.note(plan.id, document, only_from=("draft",))
             self._ledger.set_rehearsing(kept, is_on=False)
 
-        await self._settle(plan.id, keep)
+        await self._drafts.settle(plan.id, keep)
 
     async def check(self, plan: str) -> list[ViolationView]:
         """Check a draft again: its limits, its dry run, and whether it still fits the robot.
@@ -405,11 +401,11 @@ class Planning:
         except WORKER_FAILURES as error:
             log.warning("%s was not planned: %s", plan.id, error)
             message = f"{error} Plan again."
-            await self._settle(plan.id, lambda: self._fail(plan.id, message))
+            await self._drafts.settle(plan.id, lambda: self._drafts.fail(plan.id, message))
             return
         except StoreUnavailableError as error:
             log.warning("%s was not planned: %s", plan.id, error)
-            await self._settle(plan.id, lambda: self._interrupted(plan.id))
+            await self._drafts.settle(plan.id, lambda: self._drafts.interrupted(plan.id))
             return
         found = search_document(
             config.objective, result.message, result.best, result.runners_up, result.history
@@ -417,7 +413,9 @@ class Planning:
         best = result.best
         if best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
             found[NOTHING_FEASIBLE] = True
-            await self._settle(plan.id, lambda: self._fail(plan.id, result.message, found))
+            await self._drafts.settle(
+                plan.id, lambda: self._drafts.fail(plan.id, result.message, found)
+            )
         else:
 
             async def wider(added_m: float) -> Tried | None:
@@ -484,142 +482,22 @@ class Planning:
         if one is not None and wider is not None:
             one, last = await safest(one, config, wider)
             if one is not last:
-                kept = await self._keep_found(plan, config, one.best, one.found)
+                kept = await self._drafts.keep_found(plan, config, one.best, one.found)
                 one = None if kept is None else replace(one, kept=kept)
         if one is not None and one.dry_run is not None:
             kept, dry_run = one.kept, one.dry_run
-            await self._settle(plan.id, lambda: self._offer(kept, dry_run))
+            await self._drafts.settle(plan.id, lambda: self._drafts.offer(kept, dry_run))
 
     async def _try(
         self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
     ) -> Tried | None:
         """Keep a trajectory, and fly it ahead if that is wanted; None if the plan was ended."""
-        kept = await self._keep_found(plan, config, best, found)
+        kept = await self._drafts.keep_found(plan, config, best, found)
         if kept is None:
             return None
         is_flown = kept.state == "planning"
         dry_run = await self._dry_runs.fly(kept, config) if is_flown else None
         return Tried(best, found, kept, dry_run)
-
-    async def _keep_found(
-        self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
-    ) -> PlanRecord | None:
-        """Keep a trajectory as soon as storage takes it; None if the plan was ended meanwhile."""
-        text = f"{plan.id} for {plan.robot} is a draft: {found['message']}"
-        kept: list[PlanRecord] = []
-
-        async def keep() -> None:
-            draft = await self._draft(plan.robot, config, best)
-            kept.append(await self._keep(plan, config, draft, text, found))
-
-        await self._settle(plan.id, keep)
-        return kept[-1] if kept else None
-
-    async def _keep(
-        self,
-        plan: PlanRecord,
-        config: PlannerConfig,
-        draft: Draft,
-        text: str,
-        found: Mapping[str, Any] | None = None,
-    ) -> PlanRecord:
-        """Keep a trajectory: as a draft, or, before its dry run, in planning."""
-        legs = draft.mission.legs
-        comes_up = await self._flows.surfacings(plan.robot, config, legs)
-        document = {**(found or {}), "draft_text": text, "comes_up": comes_up}
-        dry_run = self._dry_runs.before(plan.robot, config)
-        if dry_run is not None:
-            document["rehearsal"] = asdict(dry_run)
-        async with self._naming:
-            while await self._ledger.is_taken(plan, draft.mission.sha256()):
-                draft = draft.renamed()
-            kept = await self._ledger.note(
-                plan.id,
-                {**document, **draft_document(draft)},
-                only_from=("planning",),
-                sha256=draft.mission.sha256(),
-            )
-        if dry_run is not None and dry_run.state == "working":
-            return kept
-        return await self._offer(kept, dry_run)
-
-    async def _fly_ahead(self, plan: PlanRecord, config: PlannerConfig) -> None:
-        """Fly a plan ahead, then offer it whatever came of that."""
-        dry_run = await self._dry_runs.fly(plan, config)
-        await self._settle(plan.id, lambda: self._offer(plan, dry_run))
-
-    async def _offer(self, plan: PlanRecord, dry_run: DryRunView | None) -> PlanRecord:
-        """Make a plan a draft in the place of the one that it replaces.
-
-        Raises:
-            PlanStateError: If it was ended meanwhile.
-        """
-        replaces = plan.document.get(REPLACES)
-        document = {"rehearsal": None if dry_run is None else asdict(dry_run)}
-        try:
-            return await self._ledger.make_draft(
-                plan.id, plan.document["draft_text"], document, replaces=replaces
-            )
-        except PlanStateError as error:
-            if (await self._ledger.get(plan.id)).state != "planning":
-                raise
-            return await self._fail(plan.id, f"{error} It is left as it is; plan again.")
-
-    async def _settle(self, plan: str, step: Callable[[], Awaitable[object]]) -> None:
-        """Take a step of planning; someone else may have ended the plan meanwhile."""
-
-        async def work() -> None:
-            await step()
-
-        try:
-            await until_stored(f"the end of planning {plan}", work)
-        except PlanStateError as error:
-            log.info("%s needs no end of planning: %s", plan, error)
-
-    async def _fail(
-        self, plan: str, message: str, document: Mapping[str, Any] | None = None
-    ) -> PlanRecord:
-        return await self._ledger.move(
-            plan,
-            PlanEvidence.NOT_MADE,
-            f"{plan} was not made: {message}",
-            {**(document or {}), "message": message},
-        )
-
-    async def _interrupted(self, plan: str) -> None:
-        message = "The station's storage failed while it planned; plan again."
-        await self._fail(plan, message, {"interrupted": True})
-
-    async def _draft(
-        self,
-        robot: str,
-        config: PlannerConfig,
-        best: Candidate,
-        rules: SurfacingOrder | None = None,
-    ) -> Draft:
-        book = self._foundation.configurations
-        controller = await book.current(ONBOARD_CONTROLLER, robot)
-        field = await book.current("field", robot)
-        draft = draft_of(
-            self._fleet.status(robot),
-            self._fleet.vehicle(robot),
-            config,
-            await book.current("trim", robot),
-            best,
-            controller=controller.value,
-            field=field.value_as(FieldConfig),
-            tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
-            rules=rules,
-        )
-        legs = draft.mission.legs
-        battery = await self._battery.of_legs(robot, config, legs, draft.duration_s)
-        lasts = battery_violations(robot, battery)
-        return replace(
-            draft,
-            battery=battery,
-            way_there=way_there(self._fleet.status(robot), config, legs),
-            violations=(*draft.violations, *lasts),
-        )
 
 
 async def _done(work: Coroutine[Any, Any, object]) -> None:
