@@ -306,6 +306,21 @@ class Event(Base):
     robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
     text: Mapped[str]
     data: Mapped[Document]
+    actor: Mapped[str | None] = mapped_column(index=True)
+    """Who caused it; none where the station or a robot did."""
+    actor_kind: Mapped[str | None]
+    hash: Mapped[bytes] = mapped_column(LargeBinary(32))
+    """Of the row and of the one before it (``db.query.station.event_chain``)."""
+
+
+class EventHead(Base):
+    """The end of the chain of events: one row."""
+
+    __tablename__ = "event_head"
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    rows: Mapped[int]
+    hash: Mapped[bytes] = mapped_column(LargeBinary(32))
 
 
 class Alarm(Base):

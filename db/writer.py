@@ -14,6 +14,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from db.actor import Actor, acting, set_actor
 from db.engine import fault_sentence, is_storage_fault
 from db.fault import BufferFullError, StoreClosedError, StoreUnavailableError
 
@@ -45,6 +46,7 @@ def tell_after_commit(session: Session, event: object, about: str) -> None:
 class _Change:
     function: Callable[[Session], Any]
     future: Future[Any]
+    actor: Actor | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ class Writer:
         if self._closed:
             future.set_exception(StoreClosedError("The station is stopping."))
         else:
-            self._inbox.put(_Change(function, future))
+            self._inbox.put(_Change(function, future, acting.get()))
         return future
 
     def append(self, rows: Sequence[Any]) -> "Future[None]":
@@ -190,7 +192,7 @@ class Writer:
         if not item.future.set_running_or_notify_cancel():
             return
         try:
-            result, events = self._commit(item.function)
+            result, events = self._commit(item.function, item.actor)
         except BaseException as error:  # noqa: BLE001 - the error belongs to whoever asked
             item.future.set_exception(error)
         else:
@@ -203,10 +205,13 @@ class Writer:
         except Exception:
             logger.exception("a listener for changes failed")
 
-    def _commit(self, function: Callable[[Session], T]) -> tuple[T, Sequence[object]]:
+    def _commit(
+        self, function: Callable[[Session], T], actor: Actor | None = None
+    ) -> tuple[T, Sequence[object]]:
         """Return what a function returns in a transaction, and the events that it left there."""
         try:
             with Session(self._engine, expire_on_commit=False) as session, session.begin():
+                set_actor(session, actor)
                 result = function(session)
         except DBAPIError as error:
             if not is_storage_fault(error):

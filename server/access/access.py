@@ -11,6 +11,7 @@ from typing import Literal
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from db.actor import Actor, acting
 from db.fault import StoreError
 from db.query.station import people as query
 from db.query.station.events import add_event
@@ -186,9 +187,15 @@ class Access:
             raise Problem(401, "This sign-in link was used or has expired; ask for a new one.")
         return await self._sign_in(person)
 
-    async def sign_out(self, secret: str) -> None:
-        """End the session of a cookie."""
-        await self._store.write(lambda session: query.end_session(session, secret_hash(secret)))
+    async def sign_out(self, secret: str, name: str) -> None:
+        """End the session of a cookie, which is of this person."""
+        at = self._clock.now()
+
+        def end(session: Session) -> None:
+            query.end_session(session, secret_hash(secret))
+            add_event(session, at, "person.signed_out", f"{name} signed out.")
+
+        await self._store.write(end)
 
     async def caller_of_cookie(self, secret: str) -> Caller | None:
         """Return whose cookie this is, or ``None`` when it is nobody's any more."""
@@ -266,6 +273,7 @@ class Access:
             )
             add_event(session, at, "person.signed_in", f"{person.name} signed in.")
 
+        acting.set(Actor(person.name, "person"))
         await self._store.write(add)
         proof = Proof("session", secret_hash(secret))
         caller = Caller(person.name, Role(person.role), expires_at, csrf_token, proof)

@@ -6,6 +6,7 @@ from urllib.parse import urlsplit
 from fastapi import Request, Response, WebSocket, WebSocketException, status
 from starlette.requests import HTTPConnection
 
+from db.actor import Actor, acting
 from server.access.access import Access, Caller, SignedIn
 from server.access.role import Right
 from server.access.stream import Tickets
@@ -107,6 +108,7 @@ class Guard:
         if right not in found.role.rights:
             raise Problem(403, f"{found.name} is a {found.role} and may not do this.")
         request.state.caller = found
+        acting.set(_actor(found))
         return found
 
     async def websocket_caller(self, websocket: WebSocket, right: Right = Right.VIEW) -> Caller:
@@ -128,6 +130,7 @@ class Guard:
             found = await self._cookie(websocket)
         if found is None or right not in found.role.rights:
             raise refused
+        acting.set(_actor(found))
         return found
 
     async def _bearer(self, connection: HTTPConnection) -> Caller | None:
@@ -154,3 +157,7 @@ class Guard:
             raise Problem(
                 403, f"A change from a browser needs the header {CSRF_HEADER} (GET /api/session)."
             )
+
+
+def _actor(caller: Caller) -> Actor:
+    return Actor(caller.name, "script" if caller.proof.kind == "token" else "person")

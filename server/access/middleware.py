@@ -1,14 +1,17 @@
 """What holds for every request, whichever route takes it."""
 
 import asyncio
-from contextlib import ExitStack
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from db.actor import acting
 from server.access.access import Caller
 from server.access.body import BodyReader
+from server.access.deed import note_deed
 from server.access.guard import Guard
 from server.access.stream import SignInEndedError, SignInWatch
 from server.base.problem import problem_response
@@ -54,6 +57,16 @@ class _Download:
             raise SignInEndedError
 
 
+@contextmanager
+def _nobody_yet() -> Generator[None]:
+    """Let nobody act until a request has proved for whom it is."""
+    before = acting.set(None)
+    try:
+        yield
+    finally:
+        acting.reset(before)
+
+
 class RequestGuard:
     """Refuses foreign host names and unsound bodies, and tells browsers to be careful.
 
@@ -78,6 +91,8 @@ class RequestGuard:
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
+                is_repeated = "Idempotent-Replayed" in headers
+                await note_deed(request, message["status"], is_repeated=is_repeated)
                 for name, value in _HEADERS.items():
                     headers.setdefault(name, value)
                 if guard.speaks_tls:
@@ -89,7 +104,7 @@ class RequestGuard:
             await send(message)
 
         if guard.host_is_ours(request):
-            with self._bodies.guard(request, receive, guard) as body, download:
+            with self._bodies.guard(request, receive, guard) as body, download, _nobody_yet():
                 await self._app(scope, body.receive, send_guarded)
         else:
             refusal = problem_response(421, f"This station is not {request.url.hostname}.")

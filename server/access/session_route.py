@@ -109,11 +109,10 @@ async def sign_out(
     caller: Viewer, request: Request, response: Response, access: AccessDep, guard: GuardDep
 ) -> None:
     """End this browser's session."""
-    del caller
     name = guard.cookie_name(request)
     secret = request.cookies.get(name)
     if secret is not None:
-        await access.sign_out(secret)
+        await access.sign_out(secret, caller.name)
     response.delete_cookie(name, path="/")
 
 

@@ -3,7 +3,10 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Coroutine
+from contextvars import copy_context
 from typing import Any
+
+from db.actor import acting
 
 logger = logging.getLogger(__name__)
 FailureListener = Callable[[str, BaseException], None]
@@ -17,8 +20,13 @@ class Background:
         self._tasks: set[asyncio.Task[Any]] = set()
 
     def start(self, name: str, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
-        """Run ``work`` as a task of this name; its failure is logged and told."""
-        task = asyncio.create_task(work, name=name)
+        """Run ``work`` as a task of this name; its failure is logged and told.
+
+        What it changes is the station's doing, whoever had it started.
+        """
+        context = copy_context()
+        context.run(acting.set, None)
+        task = asyncio.create_task(work, name=name, context=context)
         self._tasks.add(task)
         task.add_done_callback(self._ended)
         return task

@@ -76,7 +76,12 @@ def taken(
         "satellite.queued",
         f"{carrier_title(row.carrier)} took {subject}; the robot has not fetched it yet.",
         robot=row.robot,
-        data={"outbox": row.id, "message": answer.message_id, "mtmsn": answer.mtmsn},
+        data={
+            "outbox": row.id,
+            "message": answer.message_id,
+            "mtmsn": answer.mtmsn,
+            "bytes": before.data.hex(),
+        },
     )
     return row
 

@@ -17,7 +17,7 @@ from db.query.mission import scheduled_sends as query
 from db.query.mission.plans import ENDED_STATES, get_plan
 from db.query.mission.scheduled_sends import ScheduledSend
 from db.query.mission.transfers import TransferRecord, get_transfer, newest_transfer
-from db.query.station.events import add_event, events_after
+from db.query.station.events import EventFilter, add_event, events_after
 from robot_link.automation_config import AutomationConfig
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
@@ -267,7 +267,7 @@ class Schedule:
             case NextSurfacing():
                 found = await self._store.query(
                     lambda s: events_after(
-                        s, send.cursor, robot=send.robot, kinds=(SURFACED,), limit=1
+                        s, send.cursor, EventFilter(robot=send.robot, kinds=(SURFACED,)), limit=1
                     )
                 )
                 return found[0].at if found else None

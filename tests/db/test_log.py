@@ -11,7 +11,7 @@ from db.query.station.alarms import (
     open_alarms,
     save_alarm,
 )
-from db.query.station.events import add_event, events_after, last_cursor, newest_events
+from db.query.station.events import EventFilter, add_event, events_after, last_cursor, newest_events
 from db.query.station.jobs import add_job, fail_open_jobs, get_job, list_jobs, save_job
 from db.query.station.settings import put_setting
 from db.store import Store
@@ -45,9 +45,10 @@ def test_events_come_in_pages_and_by_robot(store):
         )
     with store.read() as session:
         assert [e.text for e in events_after(session, 0, limit=2)] == ["0", "1"]
-        assert [e.text for e in events_after(session, 0, robot="mini-1")] == ["1", "3"]
+        assert [e.text for e in events_after(session, 0, EventFilter(robot="mini-1"))] == ["1", "3"]
         assert [e.text for e in newest_events(session, limit=2)] == ["3", "4"]
-        assert [e.robot for e in newest_events(session, robot="mini-1")] == ["mini-1", "mini-1"]
+        newest = newest_events(session, EventFilter(robot="mini-1"))
+        assert [event.robot for event in newest] == ["mini-1", "mini-1"]
 
 
 def test_an_alarm_is_open_until_it_is_closed(store):

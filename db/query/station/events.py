@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
+from db.actor import actor_of
 from db.deployment_span import Period
 from db.query.fleet.robots import robot_key
+from db.query.station.event_chain import link
 from db.tables import Event, Robot
 
 
@@ -27,6 +29,10 @@ class EventRecord:
     text: str
     """One sentence for a person."""
     data: Mapping[str, Any]
+    by: str | None
+    """Who caused it; ``None`` where the station or a robot did."""
+    by_kind: str | None
+    """``person``, ``script`` or ``command line``."""
 
 
 def add_event(
@@ -39,7 +45,11 @@ def add_event(
     robot: str | None = None,
     data: Mapping[str, Any] | None = None,
 ) -> int:
-    """Add an event in the transaction that also holds what it tells of; return its cursor."""
+    """Add an event in the transaction that also holds what it tells of; return its cursor.
+
+    Who caused it is whoever the transaction is for (``db.actor``).
+    """
+    actor = actor_of(session)
     row = Event(
         at=at,
         kind=kind,
@@ -47,9 +57,12 @@ def add_event(
         robot_key=None if robot is None else robot_key(session, robot),
         text=text,
         data=dict(data or {}),
+        actor=None if actor is None else actor.name,
+        actor_kind=None if actor is None else actor.kind,
     )
-    session.add(row)
-    session.flush()
+    link(session, row)
+    if actor is not None:
+        actor.events += 1
     return row.cursor
 
 
@@ -65,51 +78,68 @@ def newest_of_kinds(session: Session, robot: str, kinds: Sequence[str]) -> Event
     return None if found is None else _record(*found)
 
 
+@dataclass(frozen=True, slots=True)
+class EventFilter:
+    """Which events are wanted; what is not given takes all."""
+
+    robot: str | None = None
+    kinds: Sequence[str] = ()
+    period: Period | None = None
+    by: str | None = None
+    """Only what this person, script or command line caused."""
+    by_anybody: bool = False
+    """Only what a person, a script or a command line caused."""
+    text: str = ""
+    """A part of the sentence or of the kind, in any case."""
+    before: int | None = None
+    """Only what is older than this cursor."""
+
+
+ALL_EVENTS = EventFilter()
+
+
 def events_after(
-    session: Session,
-    cursor: int,
-    *,
-    robot: str | None = None,
-    kinds: Sequence[str] = (),
-    limit: int = 500,
+    session: Session, cursor: int, wanted: EventFilter = ALL_EVENTS, limit: int = 500
 ) -> list[EventRecord]:
-    """Return the events that follow a cursor, the oldest first; of these kinds, if any."""
-    statement = (
-        select(Event, Robot.id)
-        .outerjoin(Robot, Event.robot_key == Robot.key)
-        .where(Event.cursor > cursor)
-        .order_by(Event.cursor)
-        .limit(limit)
-    )
-    if robot is not None:
-        statement = statement.where(Event.robot_key == robot_key(session, robot))
-    if kinds:
-        statement = statement.where(Event.kind.in_(kinds))
-    return [_record(row, name) for row, name in session.execute(statement)]
+    """Return the events that follow a cursor, the oldest first."""
+    statement = _wanted(session, wanted).where(Event.cursor > cursor).order_by(Event.cursor)
+    return [_record(row, name) for row, name in session.execute(statement.limit(limit))]
 
 
 def newest_events(
-    session: Session,
-    *,
-    robot: str | None = None,
-    period: Period | None = None,
-    kinds: Sequence[str] = (),
-    limit: int = 100,
+    session: Session, wanted: EventFilter = ALL_EVENTS, limit: int = 100
 ) -> list[EventRecord]:
     """Return the last events, the oldest of them first."""
-    statement = (
-        select(Event, Robot.id)
-        .outerjoin(Robot, Event.robot_key == Robot.key)
-        .order_by(Event.cursor.desc())
-        .limit(limit)
-    )
-    if robot is not None:
-        statement = statement.where(Event.robot_key == robot_key(session, robot))
-    if period is not None:
-        statement = statement.where(period.holds(Event.at))
-    if kinds:
-        statement = statement.where(Event.kind.in_(kinds))
+    statement = _wanted(session, wanted).order_by(Event.cursor.desc()).limit(limit)
     return [_record(row, name) for row, name in session.execute(statement)][::-1]
+
+
+def actors(session: Session) -> list[str]:
+    """Return everybody who caused an event, by name."""
+    statement = select(Event.actor).where(Event.actor.is_not(None)).distinct()
+    return sorted(name for name in session.scalars(statement) if name is not None)
+
+
+def _wanted(session: Session, wanted: EventFilter) -> Select[Event, str]:
+    """Return a query for the events that a filter lets through, with the names of their robots."""
+    statement = select(Event, Robot.id).outerjoin(Robot, Event.robot_key == Robot.key)
+    if wanted.robot is not None:
+        statement = statement.where(Event.robot_key == robot_key(session, wanted.robot))
+    if wanted.kinds:
+        statement = statement.where(Event.kind.in_(wanted.kinds))
+    if wanted.period is not None:
+        statement = statement.where(wanted.period.holds(Event.at))
+    if wanted.by is not None:
+        statement = statement.where(Event.actor == wanted.by)
+    if wanted.by_anybody:
+        statement = statement.where(Event.actor.is_not(None))
+    if wanted.text:
+        sought = wanted.text.lower()
+        said = func.lower(Event.text).contains(sought, autoescape=True)
+        statement = statement.where(said | func.lower(Event.kind).contains(sought, autoescape=True))
+    if wanted.before is not None:
+        statement = statement.where(Event.cursor < wanted.before)
+    return statement
 
 
 def last_cursor(session: Session) -> int:
@@ -118,4 +148,14 @@ def last_cursor(session: Session) -> int:
 
 
 def _record(row: Event, robot: str | None) -> EventRecord:
-    return EventRecord(row.cursor, row.at, row.kind, row.level, robot, row.text, row.data)
+    return EventRecord(
+        row.cursor,
+        row.at,
+        row.kind,
+        row.level,
+        robot,
+        row.text,
+        row.data,
+        row.actor,
+        row.actor_kind,
+    )

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 
 from db.query.fleet.robots import RobotRecord, add_robot
-from db.query.station.events import newest_events
+from db.query.station.events import EventFilter, newest_events
 from server.cli import simulate_verb
 from server.cli.data import open_store, settings_of
 from simulator.fault_desk import FaultNews
@@ -59,7 +59,7 @@ def test_a_caused_fault_is_an_event_of_its_robot(tmp_path):
         simulate_verb.note_fault(folder, AT, FaultNews(MINI_1.robot, SENTENCE))
         simulate_verb.note_fault(folder, AT, FaultNews(MINI_1.robot, OVER, is_over=True))
         with store.read() as session:
-            event, over = newest_events(session, robot="mini-1")
+            event, over = newest_events(session, EventFilter(robot="mini-1"))
     assert (event.kind, event.level, event.text) == ("fault.caused", "warning", SENTENCE)
     assert event.at == AT
     assert (over.kind, over.level, over.text) == ("fault.mended", "info", OVER)

@@ -365,6 +365,7 @@ export class Api {
   changeGateway = (kind: Schemas['GatewayView']['kind'], body: Schemas['AccountBody']) =>
     done(this.#http.PUT('/api/gateways/{kind}', { ...of({ kind }), body }));
 
+  actors = () => told(this.#http.GET('/api/events/actors'));
   events = (query: Query<'/api/events'>) =>
     told(this.#http.GET('/api/events', { params: { query } }));
 
