@@ -18,7 +18,7 @@ from robot_link.report import TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps
-from server.prediction.predictions import PredictedPath, Predictions, silence_text
+from server.prediction.predictions import PredictedPath, Predictions
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
@@ -33,6 +33,9 @@ from webui.scene.source import (
     TargetView,
     TrackPiece,
 )
+
+_SEEN_M, _SEEN_SHARE = 0.05, 0.05
+"""A predicted place is drawn anew once it is off by so much, or by this part of its ellipse."""
 
 
 class StationSceneSource:
@@ -53,7 +56,7 @@ class StationSceneSource:
         self._vehicles = vehicles
         self._whatifs = whatifs
         self._predictions = predictions
-        self._predicted: tuple[PredictedPath, int, PredictedView] | None = None
+        self._predicted: PredictedView | None = None
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
         self._kept_out_by: PlanInHand | None = None
         self._keep_outs: tuple[Area, ...] = ()
@@ -107,14 +110,15 @@ class StationSceneSource:
         )
 
     def predicted(self) -> PredictedView | None:
-        """Return where the robot should be that is not heard, anew each second."""
+        """Return where the robot should be that is not heard, anew once that looks otherwise."""
         path = self._predictions.path(self._robot)
         if path is None:
+            self._predicted = None
             return None
-        age_s = self._predictions.age_s(path.said_at)
-        if self._predicted is None or self._predicted[:2] != (path, int(age_s)):
-            self._predicted = (path, int(age_s), _predicted_view(path, age_s))
-        return self._predicted[2]
+        view = _predicted_view(path, self._predictions.age_s(path.said_at))
+        if self._predicted is None or _looks_otherwise(view, self._predicted):
+            self._predicted = view
+        return self._predicted
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""
@@ -207,8 +211,17 @@ def _predicted_view(path: PredictedPath, age_s: float) -> PredictedView:
         ellipse_m=axes,
         ellipse_rad=direction,
         way_ned=np.vstack([found.position_ned[found.age_s < age_s], place]),
-        label=f"predicted; last heard {silence_text(age_s)} ago",
+        label=f"predicted; last heard {path.said_at:%H:%M:%SZ}",
     )
+
+
+def _looks_otherwise(view: PredictedView, shown: PredictedView) -> bool:
+    """Tell whether a predicted place is seen to be another than the one that is shown."""
+    least_m = max(_SEEN_M, _SEEN_SHARE * shown.ellipse_m[0])
+    moved_m = np.subtract(view.position_ned, shown.position_ned)
+    grown_m = np.subtract(view.ellipse_m, shown.ellipse_m)
+    change_m = float(max(np.linalg.norm(moved_m), np.abs(grown_m).max()))
+    return view.label != shown.label or change_m > least_m
 
 
 def _target_depth_m(hand: PlanInHand) -> float:

@@ -13,7 +13,7 @@ SILENT = PredictedView(
     ellipse_m=(0.3, 0.1),
     ellipse_rad=0.5,
     way_ned=np.array([[1.0, 0.5, 0.0], [1.1, 0.5, 0.2], [1.2, 0.6, 0.3]]),
-    label="predicted; last heard 12 min ago",
+    label="predicted; last heard 08:12:05Z",
 )
 
 

@@ -17,7 +17,7 @@ _POINTS = 73
 
 
 class Predicted:
-    """Redraws when the source says another place, about once a second."""
+    """Redraws when the source says another place."""
 
     def __init__(self, stage: Stage, source: SceneSource) -> None:
         self._stage = stage
