@@ -1,5 +1,6 @@
 """What the station knows of one robot right now."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -67,6 +68,8 @@ class PlanInHand:
     """Expected track, shape ``(n, 5)`` like ``points``; ``None`` where the legs are the promise."""
     expected_ends_s: tuple[float, ...] = ()
     """When each leg is expected to end, s since the start; empty where nobody knows."""
+    swim_speed_m_s: float | None = None
+    """At which the robot swims to where the plan begins; ``None`` for one that has no legs."""
 
     @property
     def plan_id(self) -> str:
@@ -279,10 +282,27 @@ class RobotStatus:
         is_deep = hand.record.config["motion"]["depth_m"] > SURFACE_DEPTH_M
         return is_deep and not self.record.site.radio_under_water
 
+    def leg_begins_at(self) -> datetime | None:
+        """Predict when the robot begins, or began, the leg that it says it flies.
+
+        One that was on the way to where its plan begins when it last said so, or lay still, has
+        that way before it.
+        """
+        report, leg_now, hand, state = self.plan_report, self.leg_now, self.plan, self.state
+        if report is None or leg_now is None or hand is None:
+            return None
+        if leg_now > 0 or state is None or not hand.legs or hand.swim_speed_m_s is None:
+            return report.measured_at
+        if state.mode is not RobotMode.IDLE and not self._prepares(hand.legs[0], state):
+            return report.measured_at
+        way_m = math.dist(state.position_ned[:2], hand.legs[0].start_ned[:2])
+        swim_s = way_m / hand.swim_speed_m_s
+        return max(report.measured_at, state.measured_at) + timedelta(seconds=swim_s)
+
     def next_surfacing(self) -> datetime | None:
         """Predict when a submerged robot will be heard, from the legs of the plan it flies."""
-        report, leg_now = self.plan_report, self.leg_now
-        if self.plan is None or report is None or leg_now is None:
+        begins_at, leg_now = self.leg_begins_at(), self.leg_now
+        if self.plan is None or begins_at is None or leg_now is None:
             return None
         record = self.plan.record
         if record.kind == FOLLOW_TARGET and record.running_at is not None:
@@ -292,8 +312,22 @@ class RobotStatus:
             begun_s = ends_s[number - 1] if ends_s and number else 0.0
             remaining_s += ends_s[number] - begun_s if ends_s else leg.duration_s
             if leg.end_ned[2] <= SURFACE_DEPTH_M:
-                return report.measured_at + timedelta(seconds=remaining_s)
+                return begins_at + timedelta(seconds=remaining_s)
         return None
+
+    def dives_at(self) -> datetime | None:
+        """Predict when a robot goes under water that flies a plan; ``None`` if it stays up."""
+        hand, leg_now, state = self.plan, self.leg_now, self.state
+        if hand is None or leg_now is None or state is None or not 0 <= leg_now < len(hand.legs):
+            return None
+        leg = hand.legs[leg_now]
+        return self.leg_begins_at() if leg.end_ned[2] > SURFACE_DEPTH_M else None
+
+    @staticmethod
+    def _prepares(leg: Leg, state: StateReport) -> bool:
+        """Tell whether a robot that says this is still on its way to a leg, or waits before it."""
+        swims_there = state.mode is RobotMode.SWIMMING and leg.kind is not PrimitiveKind.SWIM
+        return state.mode in _PREPARES or swims_there
 
     @property
     def is_between_dives(self) -> bool:
@@ -302,8 +336,7 @@ class RobotStatus:
         if hand is None or leg is None or state is None or not 0 < leg < len(hand.legs):
             return False
         first = hand.legs[leg]
-        swims_there = state.mode is RobotMode.SWIMMING and first.kind is not PrimitiveKind.SWIM
-        return (state.mode in _PREPARES or swims_there) and first.start_ned[2] <= 0.0
+        return self._prepares(first, state) and first.start_ned[2] <= 0.0
 
     def begins_ne_m(self) -> tuple[float, float] | None:
         """Return where a new plan would begin: at this surfacing, else at the next."""

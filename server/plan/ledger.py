@@ -369,6 +369,7 @@ def in_hand(plan: PlanRecord) -> PlanInHand:
         round_text=_round_text(plan),
         expected=expected_of(plan.document),
         expected_ends_s=expected_ends_s(plan.document),
+        swim_speed_m_s=plan.config.get("primitives", {}).get("swim_speed_m_s"),
     )
 
 

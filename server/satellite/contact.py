@@ -26,13 +26,15 @@ class Heard:
 def next_session_at(status: RobotStatus, heard: Heard | None, period_s: float) -> datetime | None:
     """Return when a robot is expected to call next.
 
-    One that dived calls when it comes up; one that radio reaches does not call at all.
+    One that dived, or dives before its next session, calls when it comes up; one that radio
+    reaches does not call at all.
     """
     if heard is None or heard.session_at is None or status.radio_state is LinkState.LIVE:
         return None
-    if _has_dived(status):
+    calls_at, dives_at = heard.session_at + timedelta(seconds=period_s), status.dives_at()
+    if _has_dived(status) or (dives_at is not None and dives_at < calls_at):
         return status.next_surfacing()
-    return heard.session_at + timedelta(seconds=period_s)
+    return calls_at
 
 
 def link_report(
