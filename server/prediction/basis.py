@@ -147,13 +147,20 @@ def _track_of(basis: Basis, told: Told) -> FlownTrack | None:
         for k, one in enumerate(hand.legs)
         if one.end_ned[2] <= SURFACE_DEPTH_M
     ]
-    profile = told.profile
+    profile, places = told.profile, rows.reshape(-1, 3)
+    now_s = _now_s(basis, hand, leg, rows[leg], begins, ends)
+    way_s = _way_there_s(basis, hand, leg)
+    if way_s > 0.0:
+        now_s = -way_s
+        times = np.concatenate([[-way_s, 0.0], times])
+        places = np.vstack([basis.state.position_ned, places[0], places])
+        ends = [0.0, *ends]
     return FlownTrack(
         time_s=times,
-        position_ned=rows.reshape(-1, 3),
+        position_ned=places,
         leg_end_s=np.array(ends),
         stays_s=np.array(stays, dtype=np.float64).reshape(-1, 2),
-        now_s=_now_s(basis, hand, leg, rows[leg], begins, ends),
+        now_s=now_s,
         following_std_m=_following_std_m(hand, profile),
         pace_std=_PACE_STD,
         wait_std_s=(profile.surface_max_s - profile.surface_min_s) / math.sqrt(12.0),
@@ -173,6 +180,14 @@ def leg_times_s(hand: PlanInHand, turn_time_s: float) -> tuple[list[float], list
         now_s += leg.duration_s
         ends.append(now_s)
     return begins, ends
+
+
+def _way_there_s(basis: Basis, hand: PlanInHand, leg: int) -> float:
+    """Return how long a robot still swims to where its plan begins, s; 0 once it flies that."""
+    state, first = basis.state, hand.legs[0]
+    if leg > 0 or hand.swim_speed_m_s is None or is_on_leg(state.mode, first):
+        return 0.0
+    return math.dist(state.position_ned[:2], first.start_ned[:2]) / hand.swim_speed_m_s
 
 
 def _rows_of(hand: PlanInHand) -> FloatArray:

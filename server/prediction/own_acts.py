@@ -79,8 +79,10 @@ def _of_mission(known: Known, plan: PlanRecord, mission: Mission) -> list[OwnAct
         found += _of_target(mission.tracking.config(), begun, source)
     elif up_at is not None:
         found.append(OwnActView("surface", "It comes up as planned.", up_at, source))
-    if begun is not None and known.ends_s:
-        end = begun + timedelta(seconds=known.ends_s[-1])
+    leg, begins_at = known.status.leg_now, known.status.leg_begins_at()
+    if leg is not None and begins_at is not None and leg < len(known.ends_s):
+        flown_s = known.ends_s[leg - 1] if leg else 0.0
+        end = begins_at + timedelta(seconds=known.ends_s[-1] - flown_s)
         if end != up_at:
             text = "It has flown its plan, lies at the surface and drifts."
             found.append(OwnActView("end", text, end, source))

@@ -6,14 +6,17 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from autonomy.estimation.config import estimator_preset
 from autonomy.planner.leg import primitive
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE
 from db.query.fleet.robots import RobotRecord
 from db.query.mission.plans import PlanRecord
+from onboard.profile import FLIGHT_PROFILES
 from robot_link.messages import OnboardPlanState, PlanReport, RobotMode
 from server.fleet.status import PlanInHand, RobotStatus
 from server.fleet.trail import Track
+from server.prediction.basis import Basis, Told, predicted
 from server.satellite.contact import Heard, next_session_at
 from tests.server.conftest import GRACE
 from tests.server.fake_link import state_report
@@ -86,3 +89,18 @@ def test_by_satellite_it_calls_next_when_it_is_up_at_its_time(status):
     status.plan_report = None
     assert status.dives_at() is None
     assert next_session_at(status, heard, late_s) == NOW + timedelta(seconds=late_s)
+
+
+def test_it_is_predicted_on_its_way_and_then_in_its_dive(status):
+    said(status, RobotMode.SWIMMING, 0)
+    basis = Basis(status.state, status.plan_report, None, status.plan, NOW)
+    estimator = estimator_preset("grace3", "lake")
+    told = Told(estimator, FLIGHT_PROFILES["grace3"], 0.0)
+    half_s, glide_s = 0.5 * SWIM_S, DIVE[0].duration_s
+    ages_s = np.array([0.0, half_s, SWIM_S, SWIM_S + glide_s])
+    found = predicted("flying", basis, told, ages_s)
+    assert found.position_ned[0] == pytest.approx(AT, abs=0.5)
+    assert found.position_ned[1] == pytest.approx((AT[0] + WAY_M / 2, AT[1], 0.0), abs=1.0)
+    assert found.position_ned[1, 2] == pytest.approx(0.0, abs=1e-6)
+    assert found.position_ned[2, 0] == pytest.approx(BEGINS[0], abs=10.0)
+    assert found.position_ned[3, 2] > 3.0

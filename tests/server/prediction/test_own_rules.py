@@ -14,7 +14,11 @@ MISSION = SimpleNamespace(
 def acts_of(document):
     plan = SimpleNamespace(id="plan-7", running_at=None, document=document)
     known = SimpleNamespace(
-        status=SimpleNamespace(next_surfacing=lambda: None), ends_s=(), uncertain_at=None
+        status=SimpleNamespace(
+            next_surfacing=lambda: None, leg_begins_at=lambda: None, leg_now=None
+        ),
+        ends_s=(),
+        uncertain_at=None,
     )
     return [one for one in _of_mission(known, plan, MISSION) if one.key.startswith("rule")]
 
