@@ -165,14 +165,19 @@ def _usual_deep_m(config: PlannerConfig, rules: PlannerConfig) -> float:
     return min(deepest_m, max(by_certainty_m, motion.depth_change_min_m))
 
 
+def _usual_angle_rad(config: PlannerConfig) -> float:
+    """Return how steep a robot glides where nobody says it: in the middle of its range."""
+    return 0.5 * (config.primitives.glide_angle_min_rad + config.primitives.glide_angle_max_rad)
+
+
 def whole_manner(design: Design, around: Surroundings) -> Manner:
     """Return how a design is flown, with nothing left to the robot."""
-    manner, motion = design.manner, around.config.primitives
+    manner = design.manner
     rules = rules_of(around.config, design, around.site)
-    middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
+    deep_m, angle_rad = _usual_deep_m(around.config, rules), _usual_angle_rad(around.config)
     said = {
-        "deep_m": _usual_deep_m(around.config, rules) if manner.deep_m is None else manner.deep_m,
-        "glide_angle_rad": middle if manner.glide_angle_rad is None else manner.glide_angle_rad,
+        "deep_m": deep_m if manner.deep_m is None else manner.deep_m,
+        "glide_angle_rad": angle_rad if manner.glide_angle_rad is None else manner.glide_angle_rad,
     }
     return manner.model_copy(update=said)
 
@@ -197,6 +202,8 @@ def outline_view(design: Design, around: Surroundings) -> OutlineView:
         violations=broken,
         notes=[OutlineNoteView(one.waypoint, one.text) for one in found.laid_out.remarks] + notes,
         spacing_m=around.spacing_m,
+        usual_deep_m=_usual_deep_m(around.config, rules),
+        usual_angle_rad=_usual_angle_rad(around.config),
     )
 
 

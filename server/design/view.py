@@ -167,6 +167,10 @@ class OutlineView(View):
     notes: list[OutlineNoteView]
     spacing_m: float
     """Spacing of a pattern that says none."""
+    usual_deep_m: float
+    """Deep turn of a manner that says none."""
+    usual_angle_rad: float
+    """Glide angle of a manner that says none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,14 +53,19 @@ export type BatteryAfter = NonNullable<NonNullable<OutlineView['account']>['batt
 /** The swim to the first place, which is part of the station's account. */
 export type WayThere = Pick<LegFigures, 'distance_m' | 'duration_s' | 'energy'>;
 
-export function ratesOf(planner: JsonObject): Rates {
+/**
+ * Return what an account is made from.
+ *
+ * @param usual How the station flies what a design leaves open, of its last answer.
+ */
+export function ratesOf(
+  planner: JsonObject,
+  usual: Pick<OutlineView, 'usual_deep_m' | 'usual_angle_rad'>,
+): Rates {
   const motion = planner.primitives as Record<string, number>;
   const energy = planner.energy as Record<string, number>;
   const mission = planner.mission as Record<string, number>;
   const filter = planner.position_filter as Record<string, number>;
-  const domain = planner.domain as Record<string, number>;
-  const [flat = 0.35, steep = 1.05] = [motion.glide_angle_min_rad, motion.glide_angle_max_rad];
-  const margin = typeof planner.floor_margin_m === 'number' ? planner.floor_margin_m : 0;
   return {
     glideSpeed: motion.glide_speed_m_s ?? 0.05,
     swimSpeed: motion.swim_speed_m_s ?? 0.1,
@@ -72,8 +77,8 @@ export function ratesOf(planner: JsonObject): Rates {
     turnTime: mission.turn_time_s ?? 20,
     fixStd: filter.fix_std_m ?? 0,
     drift: filter.drift_m_sqrt_s ?? 0,
-    usualDeep: Math.max(0.1, (domain.depth_max_m ?? 1) - margin),
-    usualAngle: (flat + steep) / 2,
+    usualDeep: usual.usual_deep_m,
+    usualAngle: usual.usual_angle_rad,
   };
 }
 
