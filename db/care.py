@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Generator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 from alembic.script import ScriptDirectory
@@ -63,6 +64,8 @@ def _inner_complaints(file: Path) -> list[str]:
         _plainly(file),
         closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)) as base,
     ):
+        # SQLite quotes what it finds, and damaged bytes are no text.
+        base.text_factory = partial(str, encoding="utf-8", errors="replace")
         said = [str(row[0]) for row in base.execute(f"PRAGMA integrity_check({_COMPLAINTS_MAX})")]
         if said != ["ok"]:
             return said

@@ -6,6 +6,7 @@ folder the programs make anew.
 """
 
 import filecmp
+import gzip
 import shutil
 import tarfile
 import tempfile
@@ -32,6 +33,7 @@ from server.water.waters import CHART_FOLDER
 DATABASE: Final = "station.sqlite3"
 FOLDERS: Final = ("secret", "log", CHART_FOLDER, CURRENT_FOLDER)
 _SQLITE_BEGINS: Final = b"SQLite format 3\0"
+_BLOCK_BYTES: Final = 1 << 20
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -214,9 +216,13 @@ def _unpack_into(staging: Path, source: Path) -> None:
         if is_database:
             care.copy_sqlite(source, staging / DATABASE)
             return
-        with tarfile.open(source, "r:gz") as archive:
-            for member in archive:
-                _unpack_one(archive, member, staging, source)
+        with gzip.open(source) as stream:
+            with tarfile.open(fileobj=stream, mode="r:") as archive:
+                for member in archive:
+                    _unpack_one(archive, member, staging, source)
+            # The checksum stands at the end, behind what tar reads.
+            while stream.read(_BLOCK_BYTES):
+                pass
     except (tarfile.TarError, EOFError, zlib.error) as error:
         raise BackupError(f"{source} is no backup, or a damaged one ({error}).") from error
     except OSError as error:

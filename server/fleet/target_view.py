@@ -65,7 +65,7 @@ class TargetReportView(View):
     """Where a virtual target was; ``null`` for a real one."""
     is_too_fast: bool
     """Whether the target seems too fast to follow: it will be lost."""
-    speed_class: Annotated[str | None, one_of("resting", "slow", "fast")]
+    speed_class: Annotated[str, one_of("resting", "slow", "fast")] | None
     """How the target seems to swim: ``resting``, ``slow`` or ``fast``; ``null`` where that is not
     estimated."""
     delay_s: float | None

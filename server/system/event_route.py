@@ -40,7 +40,7 @@ class EventView(View):
     data: EventData
     by: str | None
     """Who caused it; none where the station or a robot did."""
-    by_kind: Annotated[str | None, one_of("person", "script", "command line")]
+    by_kind: Annotated[str, one_of("person", "script", "command line")] | None
 
 
 @dataclass(frozen=True, slots=True)
