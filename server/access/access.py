@@ -19,7 +19,7 @@ from db.query.station.people import PersonRecord
 from db.store import Store
 from robot_link.clock import Clock
 from server.access.failure import SignInFailures
-from server.access.role import Role
+from server.access.role import Rights, Role
 from server.access.secret import hash_password, new_code, new_secret, password_fits, secret_hash
 from server.access.throttle import HashGate, KnownBrowsers, Origin, Throttle
 from server.base.problem import FieldError, Problem, conflict, unprocessable
@@ -43,11 +43,16 @@ class Caller:
     """Who asks, once it is proved."""
 
     name: str
-    role: Role
+    rights: Rights
     expires_at: datetime
     csrf_token: str | None = field(repr=False)
     """The token that a browser's changes must carry; a script with a bearer token has none."""
     proof: Proof
+
+    @property
+    def role(self) -> Role:
+        """What the caller is to the station as a whole."""
+        return self.rights.for_all
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,16 +219,17 @@ class Access:
             )
             if token is None:
                 return await self._nobody()
-            return Caller(token.name, Role(token.role), token.expires_at, None, proof)
+            return Caller(token.name, Rights(Role(token.role)), token.expires_at, None, proof)
         found = await self._store.query(
             lambda session: query.find_session(session, proof.digest, at)
         )
         if found is None:
             return await self._nobody()
         person = found.person
-        return Caller(person.name, Role(person.role), found.expires_at, found.csrf_token, proof)
+        rights = Rights(Role(person.role))
+        return Caller(person.name, rights, found.expires_at, found.csrf_token, proof)
 
-    async def roles_of(self, proofs: Collection[Proof]) -> dict[Proof, Role]:
+    async def rights_of(self, proofs: Collection[Proof]) -> dict[Proof, Rights]:
         """Return what each proof lets somebody do; those that are worth nothing are left out."""
         at = self._wall.now()
 
@@ -234,11 +240,11 @@ class Access:
             found = query.find_session(session, proof.digest, at)
             return None if found is None else found.person.role
 
-        def roles(session: Session) -> dict[Proof, Role]:
+        def rights(session: Session) -> dict[Proof, Rights]:
             told = {proof: role(session, proof) for proof in proofs}
-            return {proof: Role(one) for proof, one in told.items() if one is not None}
+            return {proof: Rights(Role(one)) for proof, one in told.items() if one is not None}
 
-        return await self._store.query(roles)
+        return await self._store.query(rights)
 
     async def run(self) -> None:
         """End what expires, until cancelled: a clock that is set back brings nothing to life."""
@@ -276,7 +282,7 @@ class Access:
         acting.set(Actor(person.name, "person"))
         await self._store.write(add)
         proof = Proof("session", secret_hash(secret))
-        caller = Caller(person.name, Role(person.role), expires_at, csrf_token, proof)
+        caller = Caller(person.name, Rights(Role(person.role)), expires_at, csrf_token, proof)
         return SignedIn(secret, caller)
 
 

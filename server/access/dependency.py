@@ -6,7 +6,7 @@ A route names the right it needs by the type of its caller, and so cannot forget
     async def list_robots(caller: Viewer, foundation: FoundationDep) -> list[RobotView]: ...
 """
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from types import MappingProxyType
 from typing import Annotated
 
@@ -67,6 +67,18 @@ WebSocketViewer = Annotated[Caller, Depends(_websocket_viewer)]
 WebSocketPilot = Annotated[Caller, Depends(_websocket_pilot)]
 """Who opens a WebSocket that moves robots; refused before it is accepted."""
 
+
+def _pilot_of(
+    request: Request, guard: GuardDep, caller: Pilot
+) -> Callable[[Collection[str]], Awaitable[None]]:
+    async def check(robots: Collection[str]) -> None:
+        await guard.check_robots(caller, Right.PILOT, robots, request)
+
+    return check
+
+
+PilotOf = Annotated[Callable[[Collection[str]], Awaitable[None]], Depends(_pilot_of)]
+"""Refuses a request about robots that its body names, unless the caller may pilot each of them."""
 
 _RIGHTS: Mapping[object, Right] = MappingProxyType(
     {_viewer: Right.VIEW, _pilot: Right.PILOT, _admin: Right.ADMINISTER}

@@ -1,15 +1,19 @@
 """What a request must prove before a route sees it."""
 
-from typing import Final
+from collections.abc import Awaitable, Callable, Collection
+from dataclasses import dataclass
+from typing import Final, TypeAlias
 from urllib.parse import urlsplit
 
 from fastapi import Request, Response, WebSocket, WebSocketException, status
 from starlette.requests import HTTPConnection
 
 from db.actor import Actor, acting
+from db.fault import UnknownIdError
 from server.access.access import Access, Caller, SignedIn
-from server.access.role import Right
+from server.access.role import Right, Role
 from server.access.stream import Tickets
+from server.access.subject import Subjects
 from server.base.problem import Problem
 from server.base.settings import Settings
 
@@ -19,13 +23,38 @@ _MARK_S: Final = 180 * 86400
 _LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
-class Guard:
-    """Checks cookies, bearer tokens, origins and host names for one station."""
+@dataclass(frozen=True, slots=True)
+class RobotAsk:
+    """A request about robots, by a caller who has the right for each of them."""
 
-    def __init__(self, access: Access, tickets: Tickets, settings: Settings) -> None:
+    caller: Caller
+    right: Right
+    robots: frozenset[str]
+    connection: HTTPConnection
+
+
+RobotCheck: TypeAlias = Callable[[RobotAsk], Awaitable[None]]
+"""Has the last word on a request about robots; raises ``Problem`` to refuse it.
+
+It may be asked more than once about one request.
+"""
+
+
+class Guard:
+    """Checks cookies, bearer tokens, origins, host names and rights for one station."""
+
+    def __init__(
+        self, access: Access, tickets: Tickets, settings: Settings, subjects: Subjects
+    ) -> None:
         self._access = access
         self._tickets = tickets
         self._settings = settings
+        self._subjects = subjects
+        self._checks: list[RobotCheck] = []
+
+    def add_check(self, check: RobotCheck) -> None:
+        """Ask a check too about each request about robots, after the caller's right."""
+        self._checks.append(check)
 
     @property
     def speaks_tls(self) -> bool:
@@ -93,6 +122,7 @@ class Guard:
         Raises:
             Problem: 401 without a valid cookie or token, 403 without the right, or when a
                 browser's change lacks the CSRF token or comes from a foreign page.
+            UnknownIdError: If it is about what the caller may not see, or there is not.
         """
         found = await self._bearer(request)
         if found is None:
@@ -105,8 +135,7 @@ class Guard:
                 "Sign in first, or send a bearer token.",
                 headers={"WWW-Authenticate": "Bearer"},
             )
-        if right not in found.role.rights:
-            raise Problem(403, f"{found.name} is a {found.role} and may not do this.")
+        await self._check(found, right, request)
         request.state.caller = found
         acting.set(_actor(found))
         return found
@@ -128,10 +157,69 @@ class Guard:
             found = await self._tickets.use(ticket)
         if found is None and self.origin_is_ours(websocket):
             found = await self._cookie(websocket)
-        if found is None or right not in found.role.rights:
+        if found is None:
             raise refused
+        try:
+            await self._check(found, right, websocket)
+        except (Problem, UnknownIdError) as error:
+            raise refused from error
         acting.set(_actor(found))
         return found
+
+    async def _check(self, caller: Caller, right: Right, connection: HTTPConnection) -> None:
+        """Ask for a right on what a request is about: its robots, or the station as a whole."""
+        has_for_all = caller.rights.may(right)
+        if not has_for_all and not caller.rights.by_robot:
+            raise _lacking(caller)
+        if has_for_all and not self._checks:
+            return
+        try:
+            subjects = await self._subjects.of(connection)
+        except UnknownIdError:
+            if has_for_all:
+                return  # the route says so, after it looked at the rest of the request
+            raise
+        if not subjects and not has_for_all and right is not Right.VIEW:
+            method, path = connection.scope.get("method", ""), _path_of(connection)
+            if not self._subjects.asks_itself(method, path):
+                detail = f"{caller.name} may do this with chosen robots, not the whole station."
+                raise Problem(403, detail)
+        for subject in subjects:
+            if not _may(caller, Right.VIEW, subject.robots):
+                raise UnknownIdError(subject.kind, subject.identity)
+        robots = frozenset[str]().union(*(subject.robots for subject in subjects))
+        if subjects:
+            is_of_station = any(not subject.robots for subject in subjects)
+            await self.check_robots(caller, right, robots, connection, also_station=is_of_station)
+
+    async def check_robots(
+        self,
+        caller: Caller,
+        right: Right,
+        robots: Collection[str],
+        connection: HTTPConnection,
+        *,
+        also_station: bool = False,
+    ) -> None:
+        """Ask for a right on robots; for a route that finds them in its body alone.
+
+        Raises:
+            UnknownIdError: If the caller may not see one of them.
+            Problem: 403 if the caller may look at it only, and what the checks raise.
+        """
+        rights = caller.rights
+        for robot in sorted(robots):
+            if not rights.sees(robot):
+                raise UnknownIdError("robot", robot)
+            if not rights.may(right, robot):
+                role = rights.role_for(robot)
+                raise Problem(403, f"{caller.name} is a {role} of {robot} and may not do this.")
+        if (also_station or not robots) and not rights.may(right):
+            raise _lacking(caller)
+        if robots:
+            ask = RobotAsk(caller, right, frozenset(robots), connection)
+            for check in self._checks:
+                await check(ask)
 
     async def _bearer(self, connection: HTTPConnection) -> Caller | None:
         scheme, _, token = connection.headers.get("authorization", "").partition(" ")
@@ -157,6 +245,23 @@ class Guard:
             raise Problem(
                 403, f"A change from a browser needs the header {CSRF_HEADER} (GET /api/session)."
             )
+
+
+def _may(caller: Caller, right: Right, robots: Collection[str]) -> bool:
+    """Tell whether a caller has a right on each robot, or on the station where there is none."""
+    if not robots:
+        return caller.rights.may(right)
+    return all(caller.rights.may(right, robot) for robot in robots)
+
+
+def _lacking(caller: Caller) -> Problem:
+    if caller.role is Role.NONE:
+        return Problem(403, f"{caller.name} has no role for the whole station and may not do this.")
+    return Problem(403, f"{caller.name} is a {caller.role} and may not do this.")
+
+
+def _path_of(connection: HTTPConnection) -> str:
+    return getattr(connection.scope.get("route"), "path", "")
 
 
 def _actor(caller: Caller) -> Actor:

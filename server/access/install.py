@@ -6,6 +6,7 @@ from server.access.access import Access
 from server.access.failure import SignInFailures
 from server.access.guard import Guard
 from server.access.stream import SignInWatch, Tickets
+from server.access.subject import Subjects
 from server.access.throttle import KnownBrowsers
 from server.base.foundation import Foundation
 
@@ -24,4 +25,6 @@ def install(foundation: Foundation) -> None:
     watch = foundation.services.add(SignInWatch(access))
     foundation.lifetime.run("sign-ins in use", watch.run)
     tickets = foundation.services.add(Tickets(access))
-    foundation.services.add(Guard(access, tickets, settings))
+    subjects = foundation.services.add(Subjects(store))
+    subjects.add_details("name", "token")
+    foundation.services.add(Guard(access, tickets, settings, subjects))

@@ -99,11 +99,11 @@ class SignInWatch:
                 self._has_some.clear()
                 continue
             try:
-                roles = await self._access.roles_of({each.proof for each in watched.values()})
+                rights = await self._access.rights_of({each.proof for each in watched.values()})
             except (StoreError, SQLAlchemyError):
                 continue
             for ended, caller in watched.items():
-                if roles.get(caller.proof) != caller.role:
+                if rights.get(caller.proof) != caller.rights:
                     ended.set()
 
 

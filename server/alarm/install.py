@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.alarm import route
 from server.alarm.channel_rules import ChannelAlarms
 from server.alarm.rules import watch_fleet
@@ -16,6 +17,7 @@ REST_S = 0.25
 
 def install(foundation: Foundation) -> None:
     """Let every rule look at each robot whose status changed, and tell of every alarm."""
+    foundation.services.get(Subjects).add_stored("alarm")
     fleet, clock = foundation.services.get(Fleet), foundation.clock
     looks = Wakeups(clock, REST_S)
     foundation.bus.subscribe(RobotReported, lambda event: looks.wake(event.robot))

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.command import route
 from server.command.commands import Commands
@@ -14,6 +15,7 @@ ROUTERS = (route.router,)
 
 def install(foundation: Foundation) -> None:
     """Make what sends commands and follows their levels."""
+    foundation.services.get(Subjects).add_stored("command")
     services = foundation.services
     commands = Commands(
         foundation,

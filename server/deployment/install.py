@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.deployment import robot_route, route
 from server.deployment.deployments import Deployments
@@ -14,6 +15,9 @@ ROUTERS = (robot_route.router, route.router)
 def install(foundation: Foundation) -> None:
     """Make what changes deployments, and what suggests it."""
     services = foundation.services
+    subjects = services.get(Subjects)
+    subjects.add_stored("deployment")
+    subjects.add_self_asking("POST", "/api/deployments")
     services.add(Deployments(foundation, services.get(Roster)))
     suggestions = services.add(
         Suggestions(foundation.store, services.get(Fleet), foundation.background)

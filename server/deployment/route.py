@@ -10,7 +10,7 @@ from autonomy.site import Site
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.fleet.deployments import list_deployments as query_deployments
 from db.store import Store
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import Pilot, PilotOf, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service
 from server.base.problem import not_found
@@ -102,6 +102,7 @@ async def list_deployments(
 async def create_deployment(
     caller: Pilot,
     body: NewDeployment,
+    pilot_of: PilotOf,
     deployments: DeploymentsDep,
     fleet: FleetDep,
     store: StoreDep,
@@ -110,6 +111,7 @@ async def create_deployment(
 
     409 if the robot has another deployment at this time; the answer names it.
     """
+    await pilot_of((body.robot,))
     fleet.status(body.robot)
     record = await deployments.add(
         body.robot,

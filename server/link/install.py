@@ -3,6 +3,7 @@
 from robot_link.standard_config import StandardCommandConfig
 from robot_link.station.gateway.address import is_acoustic
 from robot_link.transport.opening import is_radio
+from server.access.subject import Subjects
 from server.base.event_bus import ChannelsChanged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
@@ -45,6 +46,7 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
         foundation: What the station stands on.
         make_link: Makes what serves the radios; where tests put their own.
     """
+    foundation.services.get(Subjects).add_details("log", "name")
     bus, clock, services = foundation.bus, foundation.clock, foundation.services
     fleet, disabled_links = services.get(Fleet), services.get(DisabledLinks)
     tables = services.add(ChannelTables(foundation, fleet))

@@ -3,6 +3,7 @@
 import logging
 
 from db.fault import StoreError
+from server.access.subject import Subjects
 from server.base.event_bus import ChannelsChanged, EventLogged
 from server.base.foundation import Foundation
 from server.current.currents import Currents
@@ -25,6 +26,7 @@ ROUTERS = (route.router,)
 
 def install(foundation: Foundation) -> None:
     """Make the field maps of every robot, and let samples and fixes into them."""
+    foundation.services.get(Subjects).add_details("variable")
     bus, services, workers = foundation.bus, foundation.services, foundation.study_workers
     fleet = services.get(Fleet)
     currents = services.get(Currents)

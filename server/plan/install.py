@@ -3,6 +3,7 @@
 import logging
 
 from autonomy.warm_up import search_step
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.event import RobotReported
@@ -25,6 +26,7 @@ ROUTERS = (route.router,)
 
 def install(foundation: Foundation) -> None:
     """Make what plans, keeps plans, and moves them by what robots say."""
+    foundation.services.get(Subjects).add_stored("plan")
     services, workers = foundation.services, foundation.workers
     fleet = services.get(Fleet)
     machine_code = MachineCode(foundation.jobs)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, UploadFile
 
-from server.access.dependency import Pilot
+from server.access.dependency import Pilot, PilotOf
 from server.base.dependency import FoundationDep
 from server.base.job import JobProgress, kept_upload
 from server.base.text import shown
@@ -32,6 +32,7 @@ async def start_import(
     caller: Pilot,
     file: UploadFile,
     robot: Annotated[str, Form(pattern=ROBOT_ID)],
+    pilot_of: PilotOf,
     foundation: FoundationDep,
     policy: Annotated[Policy, Form()] = Policy.REFUSE,
 ) -> ImportView:
@@ -43,6 +44,7 @@ async def start_import(
     With ``policy=skip`` broken rows are left out and named in the job's result; with
     ``policy=refuse`` one broken row refuses the whole file. Nothing is ever imported by half.
     """
+    await pilot_of((robot,))
     kept = await asyncio.to_thread(kept_upload, file.file)
     order = ImportOrder(
         file=kept,

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from robot_link.station.gateway.gateway import MobileOriginated
+from server.access.subject import Subjects
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
@@ -26,6 +27,7 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
         foundation: What the station stands on.
         make_gateways: Makes the gateways; where tests put their own.
     """
+    foundation.services.get(Subjects).add_details("kind", "secret")
     services = foundation.services
 
     async def take(message: MobileOriginated) -> bool:

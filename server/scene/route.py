@@ -131,7 +131,7 @@ async def pipe_view(
     if scene is None or not offered:
         await websocket.close(code=1008)
         return
-    may_change = Right.PILOT in caller.role.rights
+    may_change = caller.rights.may(Right.PILOT, robot)
     async with websockets.unix_connect(
         str(scene.socket),
         "ws://localhost/",

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.event_bus import EventLogged, SettingsChanged
 from server.base.foundation import Foundation
 from server.command.state import SurfaceOrdered
@@ -21,6 +22,7 @@ ROUTERS = (route.router, replan_route.router)
 
 def install(foundation: Foundation) -> None:
     """Make what sends plans by itself, and what drops them."""
+    foundation.services.get(Subjects).add_stored("schedule_id", "schedule")
     services, bus = foundation.services, foundation.bus
     fleet = services.get(Fleet)
     schedule = services.add(

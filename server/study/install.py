@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.current.currents import Currents
 from server.fleet.fleet import Fleet
@@ -14,6 +15,9 @@ ROUTERS = (whatif_route.router, identification_route.router, trim_route.router)
 
 def install(foundation: Foundation) -> None:
     """Make what tries controllers, identifies vehicles and advises on trim."""
+    subjects = foundation.services.get(Subjects)
+    subjects.add_stored("whatif")
+    subjects.add_stored("identification")
     services, lifetime = foundation.services, foundation.lifetime
     fleet, vehicles = services.get(Fleet), services.get(Vehicles)
     workers = foundation.study_workers

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
@@ -22,6 +23,9 @@ ROUTERS = (mission_route.router, route.router, plan_route.router)
 
 def install(foundation: Foundation) -> None:
     """Make missions of several rounds, and let them go on by what plans and robots do."""
+    subjects = foundation.services.get(Subjects)
+    subjects.add_stored("mission")
+    subjects.add_self_asking("POST", "/api/surveys")
     services, bus = foundation.services, foundation.bus
     fleet, plans = services.get(Fleet), services.get(PlanLedger)
     planning, transfers = services.get(Planning), services.get(Transfers)

@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 from pydantic import Field
 
-from server.access.dependency import Pilot
+from server.access.dependency import Pilot, PilotOf
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
@@ -43,11 +43,14 @@ class SurveyView(View):
 
 
 @router.post("/surveys", status_code=202)
-async def create_survey(caller: Pilot, body: SurveyRequest, surveys: FleetSurveysDep) -> SurveyView:
+async def create_survey(
+    caller: Pilot, body: SurveyRequest, pilot_of: PilotOf, surveys: FleetSurveysDep
+) -> SurveyView:
     """Begin a survey of several robots, planned in turn against the joint map and each other.
 
     422 names each robot that does not fit; nothing is begun then.
     """
+    await pilot_of(body.robots)
     missions = await surveys.create(
         body.robots, body.config, automation=body.automation, by=caller.name
     )

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.event_bus import ChannelsChanged, JobChanged
 from server.base.foundation import Foundation
 from server.system import (
@@ -25,9 +26,16 @@ ROUTERS = (
 
 def install(foundation: Foundation) -> None:
     """Show jobs in the live stream, and tell there of a change of the catalogue of channels."""
+    subjects = foundation.services.get(Subjects)
+    subjects.add("job", _of_the_station)
+    subjects.add_details("key", "kind", "version")
     feed = foundation.feed
     foundation.services.add(feed)
     foundation.bus.subscribe(ChannelsChanged, lambda _: feed.mark("channels"))
     foundation.bus.subscribe(
         JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job)
     )
+
+
+async def _of_the_station(_: str) -> tuple[str, ...]:
+    return ()

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.link.event import DetectionsStored, ReceiverReported
 from server.tag import route
@@ -9,6 +10,7 @@ ROUTERS = (route.router,)
 
 def install(foundation: Foundation) -> None:
     """Tell who looks that a robot heard tags, or said how its receiver fares."""
+    foundation.services.get(Subjects).add_details("tag")
     feed = foundation.feed
 
     def heard(stored: DetectionsStored) -> None:

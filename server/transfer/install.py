@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.command.commands import Commands
 from server.command.state import SurfaceOrdered
@@ -19,6 +20,7 @@ ROUTERS = (route.router,)
 
 def install(foundation: Foundation) -> None:
     """Make what brings plans on board."""
+    foundation.services.get(Subjects).add_stored("transfer")
     services, bus, feed = foundation.services, foundation.bus, foundation.feed
     needed = TransferServices(
         foundation,

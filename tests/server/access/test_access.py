@@ -20,7 +20,7 @@ from server.access import (
     stream,
 )
 from server.access.guard import Guard
-from server.access.role import Role
+from server.access.role import Rights, Role
 from server.base.settings import Settings
 from tests.server.station_app import (
     BASE_URL,
@@ -149,7 +149,7 @@ async def test_name_and_password_open_a_session_and_signing_out_ends_it(admin, a
 def test_who_holds_a_secret_does_not_show_it_in_its_own_words():
     at, word = datetime.now(UTC), "s3cret-word"
     proof = access.Proof("token", "digest")
-    caller = access.Caller("ann", Role.ADMIN, at, word, proof)
+    caller = access.Caller("ann", Rights(Role.ADMIN), at, word, proof)
     holders = [
         caller,
         access.SignedIn(word, caller),

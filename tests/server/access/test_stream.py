@@ -121,13 +121,13 @@ async def test_nobody_opens_streams_without_end(client, address, monkeypatch):
 
 async def test_many_streams_of_one_sign_in_are_one_question(client, address, monkeypatch):
     access = client.app.state.foundation.services.get(Access)
-    asked, ask = [], access.roles_of
+    asked, ask = [], access.rights_of
 
     async def note(proofs):
         asked.append(len(proofs))
         return await ask(proofs)
 
-    monkeypatch.setattr(access, "roles_of", note)
+    monkeypatch.setattr(access, "rights_of", note)
     uri = f"ws://{address}/api/live?ticket="
     async with contextlib.AsyncExitStack() as streams:
         for _ in range(5):
