@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 from autonomy.unit_text import fault_of_unit
 
@@ -21,6 +21,11 @@ Scale = Literal["linear", "log"]
 
 ColourMap = Literal["viridis", "cividis", "magma"]
 """Perceptually uniform colours of a map's mean."""
+
+AlarmLevel = Literal["info", "watch", "warning", "severe", "critical"]
+"""How much an alarm matters: diagnostic, low, medium, high, urgent, in the words of ISA-18.2."""
+ALARM_LEVELS: tuple[AlarmLevel, ...] = get_args(AlarmLevel)
+"""The least grave first."""
 
 OWN_WIRE_NUMBERS = range(128, 240)
 """Numbers that a team gives to its own channels; the delivered ones are below."""
@@ -34,7 +39,7 @@ _DECIMALS_MAX = 9
 class AlarmLimit:
     """Values beyond which a channel deserves an alarm."""
 
-    level: Literal["watch", "warning", "critical"]
+    level: AlarmLevel
     low: float | None = None
     """Below it, in the channel's unit."""
     high: float | None = None

@@ -339,6 +339,45 @@ class Alarm(Base):
     acknowledged_at: Mapped[datetime | None]
     acknowledged_by: Mapped[str | None]
     cleared_at: Mapped[datetime | None]
+    rule: Mapped[str | None] = mapped_column(index=True)
+    action: Mapped[str]
+    count: Mapped[int]
+    first_raised_at: Mapped[datetime | None]
+    note: Mapped[str]
+    noted_by: Mapped[str | None]
+    assigned_to: Mapped[str | None]
+    shelved_until: Mapped[datetime | None]
+    shelved_by: Mapped[str | None]
+
+
+class AlarmRuleVersion(Base):
+    """What a rule of alarm was from a moment on; only ever added to."""
+
+    __tablename__ = "alarm_rule_version"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    rule: Mapped[str] = mapped_column(index=True)
+    document: Mapped[Document | None]
+    """None: from then on as delivered, or gone where it was the team's own."""
+    changed_at: Mapped[datetime]
+    changed_by: Mapped[str]
+
+
+class AlarmOutOfService(Base):
+    """A rule of alarm that a person took out of service, for a robot or for all."""
+
+    __tablename__ = "alarm_out_of_service"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    rule: Mapped[str]
+    robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
+    reason: Mapped[str]
+    begun_at: Mapped[datetime]
+    begun_by: Mapped[str]
+    ended_at: Mapped[datetime | None] = mapped_column(index=True)
+    ended_by: Mapped[str | None]
 
 
 class Job(Base):

@@ -4,6 +4,7 @@ from server.access.subject import Subjects
 from server.alarm import route
 from server.alarm.channel_rules import ChannelAlarms
 from server.alarm.rules import watch_fleet
+from server.alarm.shelf import AlarmShelf
 from server.base.event_bus import AlarmChanged, ChannelsChanged
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
@@ -32,4 +33,7 @@ def install(foundation: Foundation) -> None:
         "alarm rules",
         lambda: watch_fleet(fleet, foundation.alarms, clock, looks, by_channel.judge),
     )
+    shelf = AlarmShelf(foundation.alarms, clock)
+    foundation.bus.subscribe(AlarmChanged, lambda event: shelf.take(event.alarm))
+    foundation.lifetime.run("alarm shelf", shelf.run)
     foundation.bus.subscribe(AlarmChanged, lambda _: foundation.feed.mark("alarms"))

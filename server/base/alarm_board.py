@@ -1,14 +1,48 @@
-"""Alarms: raised once for each cause, kept until they are both normal again and acknowledged."""
+"""Alarms: raised once for each cause, kept until they are both normal again and acknowledged.
+
+Their life after ISA-18.2; ``new`` is an alarm that is not yet one:
+
+======================================  ==============  ==============  ====================
+in state                                evidence        follows         event
+======================================  ==============  ==============  ====================
+new, returned                           raised          unacknowledged  alarm.raised
+suppressed, out_of_service              raised          unacknowledged  alarm.raised
+shelved                                 raised          shelved         alarm.changed
+acknowledged                            worse           unacknowledged  alarm.changed
+unacknowledged                          normal          returned        alarm.returned
+acknowledged, suppressed                normal          closed          alarm.closed
+out_of_service                          normal          closed          alarm.closed
+shelved                                 normal          shelved         alarm.changed
+unacknowledged                          seen            acknowledged    alarm.acknowledged
+returned                                seen            closed          alarm.acknowledged
+unacknowledged, acknowledged, returned  shelve          shelved         alarm.shelved
+shelved                                 shelve          shelved         alarm.shelved
+shelved                                 back            unacknowledged  alarm.unshelved
+shelved                                 back_normal     closed          alarm.unshelved
+unacknowledged, acknowledged, returned  suppress        suppressed      alarm.suppressed
+out_of_service                          suppress        suppressed      alarm.suppressed
+unacknowledged, acknowledged, returned  out_of_service  out_of_service  alarm.out_of_service
+suppressed                              out_of_service  out_of_service  alarm.out_of_service
+======================================  ==============  ==============  ====================
+
+A shelved alarm was seen by who shelved it: normal again at the end of its shelf, it is closed;
+standing still, it is to be seen anew.
+"""
 
 import asyncio
+import itertools
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any, Final
 
 from sqlalchemy.orm import Session
 
+from autonomy.channel import ALARM_LEVELS, AlarmLevel
 from db.fault import StoreUnavailableError
 from db.query.station import alarms as query
 from db.query.station.alarms import AlarmRecord
@@ -17,11 +51,55 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import AlarmChanged, EventBus
 from server.base.problem import conflict, not_found
+from server.base.transition_table import Step, transitions
 
 logger = logging.getLogger(__name__)
-LEVELS = ("watch", "warning", "critical")
+LEVELS = ALARM_LEVELS
 _STANDS = ("alarm.raised", "alarm.changed")
 """Steps after which something is to be seen to."""
+_FLUTTER = ("alarm.raised", "alarm.returned")
+_LOGGED_EACH = 10
+"""So often a cause that comes and goes unseen is logged each time; then at powers of two."""
+_SAVED_AT_ONCE = 200
+_SUPPRESSED = ("suppressed", "out_of_service")
+_UNSEEN: Mapping[str, None] = MappingProxyType({"acknowledged_at": None, "acknowledged_by": None})
+
+
+ALARM_STATES: Final = (
+    "unacknowledged",
+    "acknowledged",
+    "returned",
+    "shelved",
+    "suppressed",
+    "out_of_service",
+    "closed",
+)
+WAITING: Final = ("unacknowledged", "returned")
+"""States in which somebody is asked to look."""
+PARKED: Final = ("shelved", "suppressed", "out_of_service")
+"""States in which an alarm stands aside, whatever its cause does."""
+
+
+class AlarmEvidence(StrEnum):
+    """What moves an alarm."""
+
+    RAISED = "raised"
+    WORSE = "worse"
+    NORMAL = "normal"
+    SEEN = "seen"
+    SHELVE = "shelve"
+    BACK = "back"
+    BACK_NORMAL = "back_normal"
+    SUPPRESS = "suppress"
+    OUT_OF_SERVICE = "out_of_service"
+
+
+_TABLE = transitions(__doc__, AlarmEvidence)
+
+
+def step(state: str, evidence: AlarmEvidence) -> Step | None:
+    """Return what follows from evidence in a state (``new`` of an alarm that is not yet one)."""
+    return _TABLE.get((state, evidence))
 
 
 class AlarmBoard:
@@ -36,6 +114,8 @@ class AlarmBoard:
         self._bus = bus
         self._clock = clock
         self._open: dict[str, AlarmRecord] = {}
+        self._of_cause: dict[tuple[str, str | None], AlarmRecord] = {}
+        """The same alarms, by cause and robot."""
         self._last_number = 0
         self._unsaved: deque[tuple[AlarmRecord, str, datetime]] = deque()
         self._saving = asyncio.Lock()
@@ -48,6 +128,7 @@ class AlarmBoard:
 
         alarms, self._last_number = await self._store.query(read)
         self._open = {alarm.id: alarm for alarm in alarms}
+        self._of_cause = {(alarm.cause, alarm.robot): alarm for alarm in alarms}
 
     @property
     def open(self) -> list[AlarmRecord]:
@@ -57,57 +138,65 @@ class AlarmBoard:
     @property
     def unacknowledged(self) -> int:
         """How many alarms nobody has seen yet."""
-        return sum(alarm.acknowledged_at is None for alarm in self._open.values())
+        return sum(alarm.state in WAITING for alarm in self._open.values())
 
     def worst_level(self, robot: str) -> str | None:
-        """Return the highest level among the standing alarms of a robot."""
+        """Return the highest level among the standing alarms of a robot that nobody parked."""
         levels = {
             alarm.level
             for alarm in self._open.values()
-            if alarm.robot == robot and alarm.cleared_at is None
+            if alarm.robot == robot and alarm.cleared_at is None and alarm.state not in PARKED
         }
         return max(levels, key=LEVELS.index, default=None)
 
+    def standing(self, cause: str, robot: str | None) -> AlarmRecord | None:
+        """Return the alarm of a cause whose condition stands, parked or not."""
+        alarm = self._of_cause.get((cause, robot))
+        return None if alarm is None or alarm.cleared_at is not None else alarm
+
     async def raise_(
-        self, cause: str, text: str, *, level: str = "warning", robot: str | None = None
+        self,
+        cause: str,
+        text: str,
+        *,
+        level: AlarmLevel | str = "warning",
+        robot: str | None = None,
+        action: str = "",
+        rule: str | None = None,
     ) -> AlarmRecord:
         """Raise an alarm, or return the one that stands for this robot and cause already.
 
         A cause that comes back after it was normal, and that nobody has acknowledged meanwhile,
-        is the same alarm, standing since now: one cause never floods the list. A standing alarm
-        of another text or level takes the new ones; one that gets worse is to be seen anew.
+        is the same alarm, standing since now and counted: one cause never floods the list. A
+        standing alarm of another text or level takes the new ones; one that gets worse is to be
+        seen anew. A shelved one stays on its shelf.
         """
-        alarm = self._of_cause(cause, robot)
-        if alarm is not None and alarm.cleared_at is None:
-            if (alarm.text, alarm.level) == (text, level):
-                return alarm
-            changed = replace(alarm, text=text, level=level)
-            if LEVELS.index(level) > LEVELS.index(alarm.level):
-                changed = replace(
-                    changed, state="unacknowledged", acknowledged_at=None, acknowledged_by=None
-                )
-            return await self._put(changed, "alarm.changed")
-        if alarm is not None and alarm.acknowledged_at is None:
-            changed = replace(
-                alarm,
-                text=text,
-                level=level,
-                state="unacknowledged",
-                raised_at=self._clock.now(),
-                cleared_at=None,
+        told: dict[str, Any] = {"text": text, "level": level, "action": action, "rule": rule}
+        alarm = self._of_cause.get((cause, robot))
+        if alarm is None:
+            self._last_number += 1
+            now = self._clock.now()
+            alarm = AlarmRecord(
+                id=f"alarm-{self._last_number}",
+                cause=cause,
+                robot=robot,
+                state="new",
+                raised_at=now,
+                first_raised_at=now,
+                **told,
             )
-            return await self._put(changed, "alarm.raised")
-        self._last_number += 1
-        alarm = AlarmRecord(
-            id=f"alarm-{self._last_number}",
-            cause=cause,
-            robot=robot,
-            level=level,
-            text=text,
-            state="unacknowledged",
-            raised_at=self._clock.now(),
-        )
-        return await self._put(alarm, "alarm.raised")
+            return await self._move(alarm, AlarmEvidence.RAISED)
+        changed = replace(alarm, **told)
+        if alarm.cleared_at is not None or alarm.state in _SUPPRESSED:
+            again = {"count": alarm.count + 1} if alarm.cleared_at is not None else {}
+            changed = replace(changed, raised_at=self._clock.now(), cleared_at=None, **again)
+            return await self._move(changed, AlarmEvidence.RAISED, **_UNSEEN)
+        if changed == alarm:
+            return alarm
+        is_worse = LEVELS.index(changed.level) > LEVELS.index(alarm.level)
+        if is_worse and alarm.state == "acknowledged":
+            return await self._move(changed, AlarmEvidence.WORSE, **_UNSEEN)
+        return await self._put(changed, "alarm.changed")
 
     async def clear(self, cause: str, *, robot: str | None = None, text: str = "") -> None:
         """Say that the cause is normal again; without a standing alarm this does nothing.
@@ -117,67 +206,130 @@ class AlarmBoard:
             robot: Whose.
             text: What it says from now on, which tells how it ended; "" keeps its words.
         """
-        alarm = self._of_cause(cause, robot)
-        if alarm is None or alarm.cleared_at is not None:
-            return
-        alarm = replace(alarm, text=text or alarm.text)
-        seen = alarm.acknowledged_at is not None
-        await self._put(
-            replace(alarm, cleared_at=self._clock.now(), state="closed" if seen else "returned"),
-            "alarm.closed" if seen else "alarm.returned",
-        )
+        alarm = self.standing(cause, robot)
+        if alarm is not None:
+            over = replace(alarm, text=text or alarm.text, cleared_at=self._clock.now())
+            await self._move(over, AlarmEvidence.NORMAL)
+
+    async def park(self, cause: str, robot: str | None, why: AlarmEvidence) -> None:
+        """Set a standing alarm aside: suppressed by design, or its rule is out of service."""
+        alarm = self.standing(cause, robot)
+        if alarm is not None and step(alarm.state, why) is not None:
+            await self._move(alarm, why)
 
     async def acknowledge(
-        self, alarm_id: str, by: str, *, raised_at: datetime | None = None, level: str | None = None
+        self,
+        alarm_id: str,
+        by: str,
+        *,
+        raised_at: datetime | None = None,
+        level: str | None = None,
+        note: str = "",
     ) -> AlarmRecord:
-        """Note that a person has seen the alarm; doing so twice changes nothing.
+        """Note that a person has seen the alarm; doing so twice changes nothing but its note.
 
         Args:
             alarm_id: Which.
             by: Who has seen it.
             raised_at: Since when it stood as they saw it; ``None`` where nobody says.
             level: Its level then.
+            note: What they say of it; "" for nothing.
 
         Raises:
             Problem: 404 if there is no such alarm, or it is closed; 409 if it is another by now
                 than the one that was seen.
         """
+        alarm = self._find(alarm_id)
+        if raised_at not in (None, alarm.raised_at) or level not in (None, alarm.level):
+            raise conflict(f"{alarm_id} has changed since it was seen; it says now: {alarm.text}")
+        noted = replace(alarm, note=note, noted_by=by) if note else alarm
+        if step(alarm.state, AlarmEvidence.SEEN) is None:
+            return await self._put(noted, "alarm.noted") if note else alarm
+        seen = {"acknowledged_at": self._clock.now(), "acknowledged_by": by}
+        return await self._move(noted, AlarmEvidence.SEEN, **seen)
+
+    async def shelve(self, alarm_id: str, by: str, until: datetime, note: str) -> AlarmRecord:
+        """Set an alarm aside until a moment, at which it comes back by itself.
+
+        Raises:
+            Problem: 404 without such an open alarm; 409 if it stands aside for another reason.
+        """
+        alarm = self._find(alarm_id)
+        if step(alarm.state, AlarmEvidence.SHELVE) is None:
+            raise conflict(f"{alarm_id} is {_words(alarm.state)} and stands aside already.")
+        shelf = {"shelved_until": until, "shelved_by": by, "note": note, "noted_by": by}
+        return await self._move(alarm, AlarmEvidence.SHELVE, **shelf)
+
+    async def unshelve(self, alarm_id: str) -> AlarmRecord:
+        """Take an alarm back from its shelf; standing still, it is to be seen anew.
+
+        Raises:
+            Problem: 404 without such an open alarm; 409 if it is not shelved.
+        """
+        alarm = self._find(alarm_id)
+        if alarm.state != "shelved":
+            raise conflict(f"{alarm_id} is not shelved; it is {_words(alarm.state)}.")
+        ended = {"shelved_until": None, "shelved_by": None}
+        if alarm.cleared_at is None:
+            return await self._move(alarm, AlarmEvidence.BACK, **ended, **_UNSEEN)
+        return await self._move(alarm, AlarmEvidence.BACK_NORMAL, **ended)
+
+    async def note(self, alarm_id: str, by: str, note: str) -> AlarmRecord:
+        """Keep what a person says of an alarm.
+
+        Raises:
+            Problem: 404 without such an open alarm.
+        """
+        alarm = self._find(alarm_id)
+        return await self._put(replace(alarm, note=note, noted_by=by), "alarm.noted")
+
+    async def assign(self, alarm_id: str, to: str | None) -> AlarmRecord:
+        """Say who looks after an alarm; ``None`` for nobody any more.
+
+        Raises:
+            Problem: 404 without such an open alarm.
+        """
+        alarm = self._find(alarm_id)
+        if alarm.assigned_to == to:
+            return alarm
+        return await self._put(replace(alarm, assigned_to=to), "alarm.assigned")
+
+    async def save_waiting(self) -> None:
+        """Write what is not kept yet, in the order in which it happened, many at a time."""
+        async with self._saving:
+            while self._unsaved:
+                batch = list(itertools.islice(self._unsaved, _SAVED_AT_ONCE))
+                await self._store.write(lambda session, batch=batch: _save(session, batch))
+                for _ in batch:
+                    self._unsaved.popleft()
+
+    def _find(self, alarm_id: str) -> AlarmRecord:
         alarm = self._open.get(alarm_id)
         if alarm is None:
             raise not_found(f"There is no open alarm {alarm_id!r}.")
-        if raised_at not in (None, alarm.raised_at) or level not in (None, alarm.level):
-            raise conflict(f"{alarm_id} has changed since it was seen; it says now: {alarm.text}")
-        if alarm.acknowledged_at is not None:
-            return alarm
-        normal = alarm.cleared_at is not None
-        return await self._put(
-            replace(
-                alarm,
-                acknowledged_at=self._clock.now(),
-                acknowledged_by=by,
-                state="closed" if normal else "acknowledged",
-            ),
-            "alarm.acknowledged",
-        )
+        return alarm
 
-    async def save_waiting(self) -> None:
-        """Write what storage refused, in the order in which it happened."""
-        async with self._saving:
-            while self._unsaved:
-                await self._store.write(_saver(*self._unsaved[0]))
-                self._unsaved.popleft()
-
-    def _of_cause(self, cause: str, robot: str | None) -> AlarmRecord | None:
-        for alarm in self._open.values():
-            if (alarm.cause, alarm.robot) == (cause, robot):
-                return alarm
-        return None
+    async def _move(
+        self,
+        alarm: AlarmRecord,
+        evidence: AlarmEvidence,
+        **changes: Any,  # noqa: ANN401 - the fields differ in type
+    ) -> AlarmRecord:
+        """Move an alarm by its table, and keep it."""
+        following = step(alarm.state, evidence)
+        if following is None:
+            raise conflict(f"{alarm.id} is {_words(alarm.state)}; that changes nothing.")
+        if following.state == "shelved" and evidence is AlarmEvidence.RAISED:
+            changes = {}
+        return await self._put(replace(alarm, state=following.state, **changes), following.event)
 
     async def _put(self, alarm: AlarmRecord, kind: str) -> AlarmRecord:
+        about = (alarm.cause, alarm.robot)
         if alarm.state == "closed":
             self._open.pop(alarm.id, None)
+            self._of_cause.pop(about, None)
         else:
-            self._open[alarm.id] = alarm
+            self._open[alarm.id] = self._of_cause[about] = alarm
         self._unsaved.append((alarm, kind, self._clock.now()))
         try:
             await self.save_waiting()
@@ -187,30 +339,56 @@ class AlarmBoard:
         return alarm
 
 
+def _words(state: str) -> str:
+    return state.replace("_", " ")
+
+
 def _sentence(alarm: AlarmRecord, kind: str) -> str:
     """Return what the log says of a step of an alarm's life; each step has its own words."""
     match kind:
         case "alarm.acknowledged":
-            return f"{alarm.acknowledged_by} acknowledged: {alarm.text}"
+            said = f" ({alarm.note})" if alarm.note else ""
+            return f"{alarm.acknowledged_by} acknowledged: {alarm.text}{said}"
         case "alarm.returned" | "alarm.closed":
             return f"Back to normal: {alarm.text}"
         case "alarm.changed":
             return f"Now {alarm.level}: {alarm.text}"
+        case "alarm.shelved":
+            until = f"{alarm.shelved_until:%Y-%m-%d %H:%MZ}"
+            return f"{alarm.shelved_by} shelved until {until} ({alarm.note}): {alarm.text}"
+        case "alarm.unshelved":
+            return f"Back from its shelf: {alarm.text}"
+        case "alarm.suppressed":
+            return f"Suppressed by design: {alarm.text}"
+        case "alarm.out_of_service":
+            return f"Its rule is out of service: {alarm.text}"
+        case "alarm.noted":
+            return f"{alarm.noted_by} noted on {alarm.id}: {alarm.note}"
+        case "alarm.assigned":
+            return f"{alarm.id} is {alarm.assigned_to or 'nobody'}'s: {alarm.text}"
         case _:
-            return alarm.text
+            times = "" if alarm.count == 1 else f" ({alarm.count} times)"
+            return f"{alarm.text}{times}"
 
 
-def _saver(alarm: AlarmRecord, kind: str, at: datetime) -> Callable[[Session], None]:
-    def save(session: Session) -> None:
+def _is_logged(alarm: AlarmRecord, kind: str) -> bool:
+    """Tell whether a step goes into the log: what flutters does so ever more seldom."""
+    flutters = kind in _FLUTTER and alarm.count > _LOGGED_EACH
+    return not flutters or alarm.count & (alarm.count - 1) == 0
+
+
+def _save(session: Session, batch: list[tuple[AlarmRecord, str, datetime]]) -> None:
+    newest = {alarm.id: alarm for alarm, _, _ in batch}
+    for alarm in newest.values():
         query.save_alarm(session, alarm)
-        add_event(
-            session,
-            at,
-            kind,
-            _sentence(alarm, kind),
-            level=alarm.level if kind in _STANDS else "info",
-            robot=alarm.robot,
-            data={"alarm": alarm.id, "by": alarm.acknowledged_by},
-        )
-
-    return save
+    for alarm, kind, at in batch:
+        if _is_logged(alarm, kind):
+            add_event(
+                session,
+                at,
+                kind,
+                _sentence(alarm, kind),
+                level=alarm.level if kind in _STANDS else "info",
+                robot=alarm.robot,
+                data={"alarm": alarm.id, "by": alarm.acknowledged_by},
+            )

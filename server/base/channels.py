@@ -14,6 +14,7 @@ from typing import Any, Literal
 from sqlalchemy.orm import Session
 
 from autonomy.channel import (
+    ALARM_LEVELS,
     CHANNELS,
     OWN_WIRE_NUMBERS,
     AlarmLimit,
@@ -37,7 +38,6 @@ CHANGEABLE = frozenset(
      "alarms", "help")
 )  # fmt: skip
 """What may be changed of any channel; the rest says what stored numbers mean."""
-_LEVELS = ("critical", "warning", "watch")
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +303,7 @@ def _values(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _in_order(channel: Channel) -> Channel:
-    alarms = sorted(channel.alarms, key=lambda limit: _LEVELS.index(limit.level))
+    alarms = sorted(channel.alarms, key=lambda limit: -ALARM_LEVELS.index(limit.level))
     return dataclasses.replace(channel, alarms=tuple(alarms))
 
 

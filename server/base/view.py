@@ -8,6 +8,8 @@ from fastapi import Response
 from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema
 from typing_extensions import TypeAliasType
 
+from autonomy.channel import ALARM_LEVELS
+
 CURSOR_MAX = 2**63 - 1
 """Largest key of a database."""
 
@@ -92,5 +94,5 @@ EventData = TypeAliasType(
 )
 
 
-RobotLevel = Annotated[str, one_of("normal", "info", "watch", "warning", "critical")]
+RobotLevel = Annotated[str, one_of("normal", *ALARM_LEVELS)]
 """How much an alarm matters."""

@@ -11,6 +11,7 @@ from pydantic import Field
 from autonomy.channel import (
     KEY_PATTERN,
     OWN_WIRE_NUMBERS,
+    AlarmLevel,
     AlarmLimit,
     Channel,
     ChannelKind,
@@ -30,14 +31,13 @@ from server.base.view import Body, View
 router = APIRouter(prefix="/api/channels", tags=["channels"], route_class=IdempotentRoute)
 
 _HELP_LENGTH_MAX = 300
-Level = Literal["watch", "warning", "critical"]
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmLimitView(View):
     """Values beyond which a channel raises an alarm."""
 
-    level: Level
+    level: AlarmLevel
     low: float | None
     high: float | None
 
@@ -86,7 +86,7 @@ class CatalogueChannelView(View):
 class AlarmLimitBody(Body):
     """Values beyond which a channel raises an alarm; one end at least."""
 
-    level: Level
+    level: AlarmLevel
     low: float | None = Field(default=None, allow_inf_nan=False)
     """Below it, in the channel's unit."""
     high: float | None = Field(default=None, allow_inf_nan=False)
@@ -113,7 +113,7 @@ class NewChannel(Body):
     standard_name: str | None = None
     colour_map: ColourMap = "viridis"
     decimals: int = 2
-    alarms: list[AlarmLimitBody] = Field(default_factory=list, max_length=6)
+    alarms: list[AlarmLimitBody] = Field(default_factory=list, max_length=10)
     help: str = Field(default="", max_length=_HELP_LENGTH_MAX)
 
 
@@ -132,7 +132,7 @@ class ChannelChanges(Body):
     standard_name: str | None = None
     colour_map: ColourMap | None = None
     decimals: int | None = None
-    alarms: list[AlarmLimitBody] | None = Field(default=None, max_length=6)
+    alarms: list[AlarmLimitBody] | None = Field(default=None, max_length=10)
     help: str | None = Field(default=None, max_length=_HELP_LENGTH_MAX)
     is_retired: bool | None = None
     """Of an own one: whether it is no longer offered. What was measured of it stays."""

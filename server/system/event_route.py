@@ -9,6 +9,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import StreamingResponse
 
+from autonomy.channel import ALARM_LEVELS
 from db.query.station.events import (
     ALL_EVENTS,
     EventFilter,
@@ -34,7 +35,7 @@ class EventView(View):
     cursor: int
     at: datetime
     kind: str
-    level: Annotated[str, one_of("info", "watch", "warning", "critical")]
+    level: Annotated[str, one_of(*ALARM_LEVELS)]
     robot: str | None
     text: str
     data: EventData

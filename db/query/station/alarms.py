@@ -22,15 +22,30 @@ class AlarmRecord:
     """What raised it, such as ``storage``; at most one open alarm for each robot and cause."""
     robot: str | None
     level: str
-    """``watch``, ``warning`` or ``critical``."""
+    """One of ``autonomy.channel.ALARM_LEVELS``."""
     text: str
     state: str
     """``unacknowledged``; ``acknowledged``: still so, but seen; ``returned``: normal again, but
-    not seen; ``closed``: normal again and seen."""
+    not seen; ``shelved``, ``suppressed`` or ``out_of_service``: it stands aside; ``closed``:
+    normal again and seen."""
     raised_at: datetime
     acknowledged_at: datetime | None = None
     acknowledged_by: str | None = None
     cleared_at: datetime | None = None
+    rule: str | None = None
+    """The rule that raised it; ``None`` of an alarm that is raised where its cause is found."""
+    action: str = ""
+    """What a person may do about it."""
+    count: int = 1
+    """How often it was raised since ``first_raised_at``."""
+    first_raised_at: datetime | None = None
+    """``None``: since ``raised_at``."""
+    note: str = ""
+    """The newest note; the earlier ones are events."""
+    noted_by: str | None = None
+    assigned_to: str | None = None
+    shelved_until: datetime | None = None
+    shelved_by: str | None = None
 
 
 def save_alarm(session: Session, alarm: AlarmRecord) -> None:

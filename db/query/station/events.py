@@ -24,7 +24,7 @@ class EventRecord:
     kind: str
     """Dotted name for scripts, such as ``plan.on_board``."""
     level: str
-    """``info``, ``watch``, ``warning`` or ``critical``."""
+    """One of ``autonomy.channel.ALARM_LEVELS``."""
     robot: str | None
     text: str
     """One sentence for a person."""

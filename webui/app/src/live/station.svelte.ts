@@ -284,6 +284,11 @@ export function isUnacknowledged(state: Alarm['state']): boolean {
   return state === 'unacknowledged' || state === 'returned';
 }
 
+/** Whether an alarm stands aside: shelved, suppressed by design, or its rule out of service. */
+export function isParked(state: Alarm['state']): boolean {
+  return state === 'shelved' || state === 'suppressed' || state === 'out_of_service';
+}
+
 /** Records with the changed members of some of them taken over; untouched records stay the same. */
 export function merged<T extends object>(
   known: Readonly<Record<string, T>>,

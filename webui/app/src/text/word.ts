@@ -1,7 +1,29 @@
-import type { Health, PlanState, PrimitiveKind } from '../api/types';
+import type { AlarmLevel, Health, PlanState, PrimitiveKind } from '../api/types';
 
 /** Tone of a state: which of the few colours may be used for it. */
 export type Tone = 'plain' | 'ok' | 'watch' | 'alarm' | 'accent';
+
+/** How a level looks: an icon of its own shape, a word, and a colour that repeats them. */
+export const LEVEL_MARKS = {
+  normal: { icon: 'check', tone: 'plain', text: 'Normal' },
+  info: { icon: 'info', tone: 'plain', text: 'Info' },
+  watch: { icon: 'watch', tone: 'watch', text: 'Watch' },
+  warning: { icon: 'warning', tone: 'watch', text: 'Warning' },
+  severe: { icon: 'severe', tone: 'alarm', text: 'Severe' },
+  critical: { icon: 'critical', tone: 'alarm', text: 'Critical' },
+} as const satisfies Record<AlarmLevel, { icon: string; tone: Tone; text: string }>;
+
+/** The least grave first. */
+export const LEVELS = Object.keys(LEVEL_MARKS) as readonly AlarmLevel[];
+
+export function rank(level: AlarmLevel): number {
+  return LEVELS.indexOf(level);
+}
+
+/** Whether a level asks for a person at once. */
+export function isGrave(level: AlarmLevel): boolean {
+  return rank(level) >= rank('severe');
+}
 
 interface Word {
   text: string;

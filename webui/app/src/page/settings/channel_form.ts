@@ -23,7 +23,7 @@ export interface ChannelDraft {
 }
 
 /** The gravest first. */
-export const LEVELS: readonly Level[] = ['critical', 'warning', 'watch'];
+export const LEVELS: readonly Level[] = ['critical', 'severe', 'warning', 'watch', 'info'];
 export const COLOUR_MAPS: readonly CatalogueChannel['colour_map'][] = [
   'viridis',
   'cividis',
@@ -36,7 +36,13 @@ const numberOf = (text: string) => (text.trim() === '' ? null : parseNumber(text
 
 /** A form as it begins: empty, or a channel as it is. */
 export function draftOf(channel: CatalogueChannel | null): ChannelDraft {
-  const alarms = { critical: none(), warning: none(), watch: none() };
+  const alarms = {
+    critical: none(),
+    severe: none(),
+    warning: none(),
+    watch: none(),
+    info: none(),
+  };
   for (const { level, low, high } of channel?.alarms ?? []) {
     alarms[level] = { low: textOf(low), high: textOf(high) };
   }
