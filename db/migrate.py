@@ -9,6 +9,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine
 
 from db import (
+    checklist_tables,
     current_tables,
     design_tables,
     link_tables,
@@ -38,6 +39,7 @@ _TABLE_MODULES = (
     water_tables,
     design_tables,
     schedule_tables,
+    checklist_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

@@ -12,6 +12,7 @@ from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.base_map import install as base_map
 from server.battery import install as battery
+from server.checklist import install as checklist
 from server.command import install as command
 from server.current import install as current
 from server.demo import install as demo
@@ -58,6 +59,7 @@ CAPABILITIES = (
     battery,
     plan,
     design,
+    checklist,
     transfer,
     schedule,
     target,

@@ -23,6 +23,7 @@ from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig, fitting
 from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.automation_config import AutomationConfig
+from robot_link.checklist_config import ChecklistConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from robot_link.standard_config import StandardCommandConfig
 from server.base.problem import not_found
@@ -166,6 +167,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
                 "standard_commands", "Orders to a MAVLink vehicle", StandardCommandConfig()
             ),
             _same_for_all("automation", "Automatic sends", AutomationConfig()),
+            _same_for_all("checklist", "Checklists", ChecklistConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )
@@ -174,7 +176,9 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
 """Every tunable model by its key."""
 
 
-FOREIGN_KINDS = frozenset(("standard_commands", "field", "current_map", "battery", "link"))
+FOREIGN_KINDS = frozenset(
+    ("standard_commands", "field", "current_map", "battery", "link", "checklist")
+)
 """What can be set of a vehicle of another maker, which takes no plans of ours."""
 
 

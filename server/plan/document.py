@@ -281,6 +281,7 @@ def plan_view(
         replaces=document.get("replaces"),
         message=document.get("message", ""),
         current_text=document.get("current_text", ""),
+        checklist=document.get("checklist", ""),
         comes_up=[ComesUpView(**one) for one in document.get("comes_up", ())],
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),

@@ -437,6 +437,8 @@ class PlanView(View):
     ``null`` in plans of an earlier version, and where information is not counted."""
     current_text: str = ""
     """Where the current comes from that it was planned in; empty where no map was asked for."""
+    checklist: str = ""
+    """Who started it although which checklist was not complete, and why; empty where nobody did."""
     comes_up: list[ComesUpView] = field(default_factory=list)
     """Where each dive will come up, as far as the map of the current tells."""
     rules: list[str] = field(default_factory=list)

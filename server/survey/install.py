@@ -2,6 +2,7 @@
 
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
+from server.checklist.gate import StartGate
 from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
 from server.link.event import PlanReported
@@ -40,7 +41,9 @@ def install(foundation: Foundation) -> None:
         foundation.workers,
     )
     steps = SurveySteps(foundation, fleet, missions, plans, planning, transfers, quality)
-    surveys = services.add(Surveys(foundation, missions, planning, transfers, steps))
+    surveys = services.add(
+        Surveys(foundation, missions, planning, transfers, steps, services.get(StartGate))
+    )
     services.add(FleetSurveys(fleet, surveys))
 
     def show(event: MissionChanged) -> None:

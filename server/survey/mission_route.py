@@ -10,6 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
+from server.checklist.gate import Overrule
 from server.fleet.dependency import FleetDep
 from server.fleet.status import FOLLOW_TARGET
 from server.survey.mission_ledger import MissionLedger
@@ -39,6 +40,14 @@ class MissionRequest(Body):
                 "following a target is one plan: POST /api/robots/{robot}/plans with this kind"
             )
         return kind
+
+
+class StartRequest(Body):
+    """How a mission is to be started."""
+
+    overrule: Annotated[str, Field(max_length=500)] = ""
+    """Why it is to start although a checklist that the robot's settings require is not complete;
+    logged, and shown at its first plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +90,16 @@ async def get_mission(caller: Viewer, mission: str, missions: MissionLedgerDep) 
 
 
 @router.post("/missions/{mission}/start", status_code=202)
-async def start_mission(caller: Pilot, mission: str, surveys: SurveysDep) -> MissionIdView:
-    """Send and start the draft, and each further round, until the budget is spent."""
-    await surveys.start(mission, by=caller.name)
+async def start_mission(
+    caller: Pilot, mission: str, surveys: SurveysDep, body: StartRequest | None = None
+) -> MissionIdView:
+    """Send and start the draft, and each further round, until the budget is spent.
+
+    409 lists what is open of a checklist that the robot's settings require.
+    """
+    reason = "" if body is None else body.overrule.strip()
+    overrule = Overrule(reason, caller.name) if reason else None
+    await surveys.start(mission, by=caller.name, overrule=overrule)
     return MissionIdView(mission)
 
 

@@ -183,7 +183,10 @@ class SurveySteps:
     async def _send(self, record: MissionRecord, plan: PlanRecord) -> bool:
         try:
             await self._transfers.send(
-                plan.id, start=True, check=lambda session: _check_on(session, record.id)
+                plan.id,
+                start=True,
+                check=lambda session: _check_on(session, record.id),
+                goes_on=plan.round > 1,
             )
         except Problem:
             now = await self._plans.get(plan.id)

@@ -20,6 +20,7 @@ from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.base.retry_queue import until_stored
 from server.base.wakeups import Wakeups
+from server.checklist.gate import Overrule, StartGate
 from server.command.state import SurfaceOrdered
 from server.plan.planning import Planning
 from server.plan.search.request import SearchRequest
@@ -50,7 +51,9 @@ class Surveys:
         planning: Planning,
         transfers: Transfers,
         steps: SurveySteps,
+        gate: StartGate,
     ) -> None:
+        self._gate = gate
         self._foundation = foundation
         self._missions = missions
         self._planning = planning
@@ -185,12 +188,18 @@ class Surveys:
             if plan.state in states:
                 await self._planning.cancel(plan.id)
 
-    async def start(self, mission: str, *, by: str) -> None:
+    async def start(self, mission: str, *, by: str, overrule: Overrule | None = None) -> None:
         """Let the station fly the rest of a survey by itself.
+
+        Args:
+            mission: Which.
+            by: Who starts it.
+            overrule: A person's word that it shall start although a checklist is not complete.
 
         Raises:
             UnknownIdError: If there is no such mission.
-            Problem: 409 if it is done, or has nothing that could be flown.
+            Problem: 409 if it is done, or has nothing that could be flown, or a checklist that its
+                robot's settings require is not complete.
         """
         record = await self._missions.get(mission)
         if record.state == "done":
@@ -200,6 +209,8 @@ class Surveys:
         for other in await self._missions.open(record.robot):
             if other.id != mission and other.state in _UNDER_WAY:
                 raise conflict(f"{record.robot} is on {other.id}; stop it first.")
+        passes = await self._gate.look(record.robot, overrule)
+        await self._foundation.store.write(passes)
         plans = await self._missions.plans(mission)
         survey = survey_status(plans)
         is_planned = survey is not None and survey.plan.state == "planning"

@@ -2,6 +2,7 @@
 
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
+from server.checklist.gate import StartGate
 from server.command.commands import Commands
 from server.command.state import SurfaceOrdered
 from server.fleet.event import RobotReported
@@ -30,7 +31,7 @@ def install(foundation: Foundation) -> None:
         services.get(Radios),
         services.get(Satellite),
     )
-    transfers = services.add(Transfers(needed))
+    transfers = services.add(Transfers(needed, services.get(StartGate)))
 
     def show(event: TransferChanged) -> None:
         view = event.transfer

@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends
+from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
+from server.checklist.gate import Overrule
 from server.fleet.link_view import SatelliteQuoteView
 from server.plan.ledger import PlanLedger
 from server.plan.view import PlanView, TransferView
@@ -31,6 +33,9 @@ class UploadRequest(Body):
     """The link that it is to take; ``auto`` is what the robot's settings say."""
     force: bool = False
     """Whether to send it by satellite although the robot was not heard for long."""
+    overrule: Annotated[str, Field(max_length=500)] = ""
+    """Why it is to start although a checklist that the robot's settings require is not complete;
+    logged, and shown at the plan. Without it 409 lists what is open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +74,15 @@ async def upload_plan(
     The robot's old plan stays until the new one is whole and proved by its hash. While one is
     flown, the new one waits on board behind it; with `start` it begins at the next surfacing.
     """
-    del caller
     wanted = body or UploadRequest()
+    reason = wanted.overrule.strip()
     transfer = await transfers.send(
         plan,
         start=wanted.start,
         confirmed=wanted.confirmed,
         request=LinkRequest(wanted.route, wanted.force),
         may_wait=True,
+        overrule=Overrule(reason, caller.name) if reason else None,
     )
     return TransferIdView(transfer)
 

@@ -21,12 +21,14 @@ from db.query.station.events import add_event
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
 from server.base.problem import FieldError, conflict
+from server.checklist.gate import Overrule, Pass, StartGate
 from server.command.commands import Check
 from server.command.state import CommandChanged
 from server.fleet.link_view import SatelliteQuoteView
 from server.fleet.routing import RequestedLink
 from server.plan.document import mission_of
 from server.plan.drafting import SENDABLE, broken_off, outdated_by
+from server.plan.state import note as note_plan
 from server.plan.view import TransferView
 from server.satellite.satellite import OutboxChanged
 from server.transfer.machine import TransferMachine, TransferServices
@@ -64,7 +66,7 @@ ANY_LINK: Final = LinkRequest()
 class Transfers:
     """Transfers under way. Belongs to one event loop."""
 
-    def __init__(self, services: TransferServices) -> None:
+    def __init__(self, services: TransferServices, gate: StartGate) -> None:
         self._services = services
         self._foundation = services.foundation
         self._store = services.foundation.store
@@ -73,6 +75,7 @@ class Transfers:
         self._fleet = services.fleet
         self._ledger = services.ledger
         self._satellite = services.satellite
+        self._gate = gate
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._machines: dict[str, TransferMachine] = {}
         """What is under way to each robot."""
@@ -159,6 +162,8 @@ class Transfers:
         confirmed: bool = False,
         request: LinkRequest = ANY_LINK,
         may_wait: bool = False,
+        overrule: Overrule | None = None,
+        goes_on: bool = False,
     ) -> str:
         """Begin to bring a plan on board and return the transfer's id.
 
@@ -174,6 +179,8 @@ class Transfers:
             request: The link that it is to take, and whether a person insists on it.
             may_wait: Whether it may wait on board behind a plan that the robot flies; else it is
                 refused while one is flown.
+            overrule: A person's word that it shall start although a checklist is not complete.
+            goes_on: Whether it goes on with a mission that was started, which no checklist stops.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -187,8 +194,11 @@ class Transfers:
                 return under_way
             running = await self._ledger.of_robot(record.robot, ("running",))
             _check_sendable(record, [] if may_wait else running)
+            passes = None
+            if start and not goes_on:
+                passes = await self._gate.look(record.robot, overrule)
             return await self._new_transfer(
-                record, start, check, confirmed=confirmed, request=request
+                record, start, check, passes, confirmed=confirmed, request=request
             )
 
     async def view(self, transfer: str) -> TransferView:
@@ -270,6 +280,7 @@ class Transfers:
         record: PlanRecord,
         start: bool,
         check: Check | None,
+        passes: Pass | None,
         *,
         confirmed: bool,
         request: LinkRequest,
@@ -285,6 +296,8 @@ class Transfers:
                 check(session)
             if get_plan(session, record.id).state not in _SENDABLE:
                 raise conflict(f"{record.id} was changed meanwhile; look at it again.")
+            if passes is not None and (said := passes(session)):
+                note_plan(session, record.id, {"checklist": said}, at)
             transfer = query.add_transfer(
                 session,
                 record.id,

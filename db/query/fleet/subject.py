@@ -7,6 +7,7 @@ from typing import Any, cast
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
+from db.checklist_tables import ChecklistRunRow
 from db.design_tables import DesignRow
 from db.fault import UnknownIdError
 from db.identity import key_of
@@ -17,6 +18,7 @@ from db.tables import Alarm, Base, Command, Deployment, Mission, Plan, Robot, Tr
 _TABLES: Mapping[str, type[Base]] = MappingProxyType(
     {
         "alarm": Alarm,
+        "checklist": ChecklistRunRow,
         "command": Command,
         "deployment": Deployment,
         "design": DesignRow,

@@ -1,0 +1,108 @@
+"""A robot's checklists: looked at, begun, ticked, completed, overruled."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import Field
+
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
+from server.base.dependency import service
+from server.base.view import Body
+from server.checklist.checklists import Checklists
+from server.checklist.overview import Overview
+from server.checklist.view import PastRunView, RobotChecklistsView
+from server.fleet.dependency import FleetDep
+
+router = APIRouter(prefix="/api", tags=["checklists"], route_class=IdempotentRoute)
+
+ChecklistsDep = Annotated[Checklists, Depends(service(Checklists))]
+OverviewDep = Annotated[Overview, Depends(service(Overview))]
+Reason = Annotated[str, Field(min_length=3, max_length=500, pattern=r"\S")]
+
+
+class NewRun(Body):
+    """Which list is begun."""
+
+    template: Annotated[str, Field(max_length=40)]
+
+
+class TickBody(Body):
+    """An item that is ticked, or unticked."""
+
+    item: Annotated[str, Field(max_length=40)]
+    ticked: bool = True
+    note: Annotated[str, Field(max_length=300)] = ""
+
+
+class OverruleBody(Body):
+    """Why plans may be started although blocking items are open."""
+
+    reason: Reason
+
+
+@router.get("/robots/{robot}/checklists")
+async def get_checklists(caller: Viewer, robot: str, overview: OverviewDep) -> RobotChecklistsView:
+    """Return the lists of a robot with what its automatic items find now, and found yesterday."""
+    del caller
+    return await overview.of_robot(robot)
+
+
+@router.get("/robots/{robot}/checklists/past")
+async def list_past(
+    caller: Viewer,
+    robot: str,
+    overview: OverviewDep,
+    fleet: FleetDep,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=100)] = 20,
+) -> list[PastRunView]:
+    """Return the runs through a robot's lists as they were, the newest first."""
+    del caller
+    fleet.status(robot)
+    return await overview.past(robot, before, limit)
+
+
+@router.post("/robots/{robot}/checklists", status_code=201)
+async def begin_checklist(
+    caller: Pilot, robot: str, body: NewRun, checklists: ChecklistsDep, overview: OverviewDep
+) -> RobotChecklistsView:
+    """Begin a run through a list; 409 if one is open, or the list is not for this robot."""
+    await checklists.begin(robot, body.template, by=caller.name)
+    return await overview.of_robot(robot)
+
+
+@router.post("/checklists/{checklist}/ticks", status_code=201)
+async def tick_item(
+    caller: Pilot, checklist: str, body: TickBody, checklists: ChecklistsDep, overview: OverviewDep
+) -> RobotChecklistsView:
+    """Tick an item with your name and the time, or untick it; what was ticked before is kept."""
+    record = await checklists.tick(
+        checklist, body.item, is_ticked=body.ticked, note=body.note.strip(), by=caller.name
+    )
+    return await overview.of_robot(record.robot)
+
+
+@router.post("/checklists/{checklist}/complete")
+async def complete_checklist(
+    caller: Pilot, checklist: str, checklists: ChecklistsDep, overview: OverviewDep
+) -> RobotChecklistsView:
+    """Complete a list, which keeps its values as they are; 409 names each open blocking item."""
+    record = await checklists.complete(checklist, by=caller.name)
+    return await overview.of_robot(record.robot)
+
+
+@router.post("/checklists/{checklist}/overrule")
+async def overrule_checklist(
+    caller: Pilot,
+    checklist: str,
+    body: OverruleBody,
+    checklists: ChecklistsDep,
+    overview: OverviewDep,
+) -> RobotChecklistsView:
+    """Let plans start although blocking items are open; the reason is logged.
+
+    What turns bad after that blocks again.
+    """
+    record = await checklists.overrule(checklist, body.reason.strip(), by=caller.name)
+    return await overview.of_robot(record.robot)

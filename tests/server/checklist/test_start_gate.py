@@ -1,0 +1,250 @@
+"""A start waits for the robot's checklist, whoever starts a plan and by whatever way."""
+
+import asyncio
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from db.query.mission.transfers import newest_transfer
+from db.query.station.events import newest_events
+from robot_link.messages import CommandKind, OnboardPlanState
+from tests.server.checklist.begun import (
+    begin,
+    complete,
+    completed,
+    dry,
+    list_of,
+    lists_of,
+    ready,
+    require,
+    tick,
+    tick_all,
+)
+from tests.server.conftest import FAST, GRACE, MINI, until
+from tests.server.fake_link import state_report
+from tests.server.far import draft as far_draft
+from tests.server.far import far_station, place_under, settled
+from tests.server.sky import ManualClock, Sky
+from tests.server.survey.test_survey import mission_in
+from tests.server.transfer.test_upload import draft, plan_in, upload
+
+
+async def drafted(client):
+    plan = await draft(client)
+    await plan_in(client, plan, "draft")
+    return plan
+
+
+async def start(client, plan, **more):
+    return await client.post(f"/api/plans/{plan}/upload", json={"start": True, **more})
+
+
+async def test_start_is_refused_with_every_open_blocking_item(client, world):
+    await require(client)
+    await ready(client, world)
+    plan = await drafted(client)
+    answer = await start(client, plan)
+    assert answer.status_code == 409
+    problem = answer.json()
+    assert [one["loc"] for one in problem["errors"]] == [
+        ["checklist", key] for key in ("hull", "trim", "surface", "tank")
+    ]
+    assert "Pre-dive, tank of mini-1: 4 blocking items are open" in problem["detail"]
+    assert world.uploads == []
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
+
+
+async def test_plan_starts_once_the_list_is_complete(client, world):
+    await require(client)
+    await completed(client, world)
+    plan = await drafted(client)
+    assert (await start(client, plan)).status_code == 202
+    found = await plan_in(client, plan, "running", "done")
+    assert found["checklist"] == ""
+
+
+async def test_ticks_alone_start_nothing_until_a_person_completes_the_list(client, world):
+    await require(client)
+    await ready(client, world)
+    await tick_all(client, await begin(client))
+    answer = await start(client, await drafted(client))
+    assert answer.status_code == 409
+    assert "is not completed" in answer.json()["detail"]
+
+
+async def test_plan_without_start_is_brought_on_board_and_its_start_waits(client, world):
+    await require(client)
+    plan = await drafted(client)
+    assert (await upload(client, plan)).status_code == 202
+    await plan_in(client, plan, "on_board")
+    assert (await start(client, plan)).status_code == 409
+    assert world.commands == []
+
+
+async def test_overruled_start_is_logged_with_its_reason_and_shown_at_the_plan(
+    client, world, station
+):
+    await require(client)
+    await ready(client, world)
+    plan = await drafted(client)
+    answer = await start(client, plan, overrule="Only the radio is tried.")
+    assert answer.status_code == 202, answer.text
+    found = await plan_in(client, plan, "running", "done")
+    assert found["checklist"] == "test admin overruled Pre-dive, tank: Only the radio is tried."
+    events = await station.foundation.store.query(lambda s: newest_events(s, limit=200))
+    (said,) = [one for one in events if one.kind == "checklist.overruled"]
+    assert (said.by, said.level) == ("test admin", "warning")
+    assert "Only the radio is tried" in said.text
+    again = await drafted(client)
+    assert (await start(client, again)).status_code == 202, "the list stays overruled"
+
+
+async def test_item_that_turned_bad_after_completion_blocks_again(client, world):
+    await require(client)
+    await completed(client, world)
+    dry(world, leak=1.0)
+    await until(lambda: _wet(client))
+    answer = await start(client, await drafted(client))
+    assert answer.status_code == 409
+    assert answer.json()["errors"][0]["loc"] == ["checklist", "leak"]
+    assert "although it was complete" in answer.json()["detail"]
+
+
+async def _wet(client):
+    return "leak" in (await list_of(client))["open_blocking"]
+
+
+async def test_robot_whose_settings_only_tell_starts_and_says_what_is_missing(client, world):
+    found = await lists_of(client)
+    assert (found["demand"], found["is_start_open"]) == ("told", True)
+    assert found["start_text"] == "Pre-dive, tank is not complete."
+    assert (await start(client, await drafted(client))).status_code == 202
+    await require(client, start="off")
+    assert (await lists_of(client))["start_text"] == ""
+
+
+async def test_surface_now_is_never_gated(client, world):
+    await require(client)
+    answer = await client.post(f"/api/robots/{MINI}/commands", json={"kind": "surface"})
+    assert answer.status_code == 202
+    await until(lambda: [kind for _, kind, _ in world.commands] == [CommandKind.SURFACE])
+
+
+async def test_scheduled_send_waits_for_the_list_and_goes_once_it_is_complete(client, world):
+    await require(client)
+    await ready(client, world)
+    plan = await drafted(client)
+    now = datetime.now(UTC)
+    wish = {
+        "condition": {"kind": "time", "at": (now + timedelta(seconds=1)).isoformat()},
+        "expires_at": (now + timedelta(minutes=30)).isoformat(),
+    }
+    answer = await client.post(f"/api/plans/{plan}/schedule", json=wish)
+    assert answer.status_code == 202, answer.text
+
+    async def held():
+        (send,) = (await client.get(f"/api/robots/{MINI}/schedule")).json()["sends"]
+        return "4 blocking items are open" in send["text"]
+
+    await until(held)
+    assert world.uploads == []
+    found = await begin(client)
+    await tick_all(client, found)
+    assert (await complete(client, found["id"])).status_code == 200
+    await plan_in(client, plan, "running", "done")
+
+
+async def test_survey_is_not_started_over_an_open_list_and_is_with_a_reason(client, world, workers):
+    await require(client)
+    await ready(client, world)
+    answer = await client.post(
+        f"/api/robots/{MINI}/missions", json={"kind": "adaptive_survey", "config": FAST}
+    )
+    mission = answer.json()["id"]
+    await mission_in(client, mission, "ready")
+    refused = await client.post(f"/api/missions/{mission}/start")
+    assert refused.status_code == 409
+    assert "4 blocking items are open" in refused.json()["detail"]
+    assert (await client.get(f"/api/missions/{mission}")).json()["state"] == "ready"
+    body = {"overrule": "Trial of the search."}
+    assert (await client.post(f"/api/missions/{mission}/start", json=body)).status_code == 202
+    await until(lambda: world.uploads)
+
+
+async def test_survey_that_starts_by_itself_stops_at_an_open_list(client, world, workers):
+    await require(client)
+    await ready(client, world)
+    body = {"kind": "adaptive_survey", "config": FAST, "automation": True}
+    mission = (await client.post(f"/api/robots/{MINI}/missions", json=body)).json()["id"]
+    stopped = await mission_in(client, mission, "stopped")
+    assert "4 blocking items are open" in stopped["message"]
+    assert world.uploads == []
+
+
+async def test_plan_by_satellite_waits_for_the_list_too(tmp_path, world, monkeypatch):
+    sky = Sky(ManualClock())
+    robot = place_under(sky, tmp_path)
+    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
+        await robot.call()
+        await settled(station)
+        await require(client, GRACE)
+        plan = (await far_draft(client))["id"]
+        refused = await start(client, plan, route="satellite")
+        assert refused.status_code == 409
+        assert "Pre-launch, open water of grace-1" in refused.json()["detail"]
+        store = station.foundation.store
+        assert await store.query(lambda s: newest_transfer(s, plan)) is None
+        answer = await start(client, plan, route="satellite", overrule="Launched by hand before.")
+        assert answer.status_code == 202, answer.text
+
+
+async def test_plan_that_replaces_a_flown_one_waits_for_what_still_means_something(client, world):
+    await require(client)
+    await completed(client, world)
+    world.robots[MINI].may_fly.clear()
+    flown = await drafted(client)
+    await start(client, flown)
+    await plan_in(client, flown, "running")
+    world.robots[MINI].say(OnboardPlanState.RUNNING)
+    world.tell(state_report(MINI, (1.2, 0.6, 0.5)))  # under water: no depth zero
+
+    async def deep():
+        items = {one["key"]: one for one in (await list_of(client))["items"]}
+        return (
+            items["depth_zero"]["now"]["text"] == "0.50 m" and not items["depth_zero"]["is_meant"]
+        )
+
+    await until(deep)
+    second = await drafted(client)
+    assert (await start(client, second)).status_code == 202
+    await plan_in(client, second, "waiting", "sent")
+    dry(world, leak=1.0)
+    await until(lambda: _wet(client))
+    third = await drafted(client)
+    answer = await start(client, third)
+    assert answer.status_code == 409
+    blocking = {one["loc"][1] for one in answer.json()["errors"]}
+    assert "leak" in blocking
+    assert not blocking & {"link", "depth_zero", "hull"}
+
+
+@pytest.mark.parametrize("first", ["tick", "start"])
+async def test_item_unticked_at_the_moment_of_a_start_comes_before_or_after_it(
+    client, world, first
+):
+    await require(client)
+    found = await completed(client, world)
+    plan = await drafted(client)
+    both = [tick(client, found["id"], "tank", False), start(client, plan)]
+    if first == "start":
+        both.reverse()
+    answers = await asyncio.gather(*both)
+    started = answers[both.index(both[1])] if first == "tick" else answers[0]
+    now = (await client.get("/api/events?limit=500")).json()["events"]
+    kinds = [one["kind"] for one in now]
+    if started.status_code == 202:
+        assert plan in {one["data"].get("plan") for one in now if one["kind"] != "plan.planning"}
+    else:
+        assert started.status_code == 409
+        assert "checklist.reopened" in kinds
+        assert world.uploads == []
