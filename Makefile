@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test walks check bench reproduce wheel setup setup-dev ready environment dialect packages app flight coverage clean
+.PHONY: help demo test walks check bench reproduce manual-pictures wheel setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:
 	@echo "make demo    start the station with three simulated robots and print its address"
@@ -41,6 +41,10 @@ bench: setup-dev
 reproduce: setup $(VENV)/reproduction.stamp
 	@for name in $$($(BIN)/grace reproduce --list | awk '{print $$1}'); do \
 		$(BIN)/grace reproduce $$name --out build/reproduction || exit 1; done
+
+# The pictures of the operator's manual, drawn anew from a demo.
+manual-pictures: setup-dev
+	$(BIN)/python -m tests.browser.manual_pictures
 
 coverage: setup-dev
 	$(BIN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(TESTS)

@@ -1,6 +1,6 @@
-"""Holds a wheel to what it promises: the operator app and the MAVLink dialect are in it.
+"""Holds a wheel to what it promises: the operator app with its manual and the MAVLink dialect.
 
-Both are made, not written (``make wheel`` makes them first), and setuptools would leave out what
+All are made, not written (``make wheel`` makes them first), and setuptools would leave out what
 is not there without a word.
 """
 
@@ -11,7 +11,11 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 from setuptools.errors import SetupError
 
-MADE = ("webui/dist/index.html", "robot_link/mavlink/dialect/grace.py")
+MADE = (
+    "webui/dist/index.html",
+    "webui/dist/help/index.html",
+    "robot_link/mavlink/dialect/grace.py",
+)
 
 
 class CompleteBuild(build_py):

@@ -1,10 +1,12 @@
 """Builds the operator app into ``webui/dist`` with node from the machine or from the lock file.
 
-``python -m webui.build`` builds when a source changed; ``python -m webui.build check`` runs the
-app's type checker, linter and unit tests; ``python -m webui.build packages`` only installs what a
-build needs, with the node of the machine, and does nothing where that has none.
+The operator's manual becomes pages there, too. ``python -m webui.build`` builds when a source
+changed; ``python -m webui.build check`` runs the app's type checker, linter and unit tests;
+``python -m webui.build packages`` only installs what a build needs, with the node of the machine,
+and does nothing where that has none.
 """
 
+import gzip
 import hashlib
 import os
 import re
@@ -18,6 +20,8 @@ ROOT = HERE.parent
 APP = HERE / "app"
 DIST = HERE / "dist"
 STAMP = DIST / "source.sha256"
+MANUAL = ROOT / "docs" / "manual"
+MANUAL_WRITER = HERE / "manual.py"
 NODE_LOCK = ROOT / "requirements-node.lock"
 SMALLEST_NODE = 20
 NOT_SOURCES = {"node_modules", "dist", "python.sha256"}
@@ -80,7 +84,24 @@ def _build_if_stale() -> None:
     _npm("run", "build")
     if not (DIST / "index.html").exists():
         raise BuildError("the build ended without webui/dist/index.html")
+    _write_manual()
     STAMP.write_text(digest)
+
+
+def _write_manual() -> None:
+    # here, because `packages` runs before anything is installed
+    from webui.manual import ManualError, write_pages
+
+    template = DIST / "help.html"
+    try:
+        write_pages(MANUAL, template.read_text(encoding="utf-8"), DIST / "help")
+    except ManualError as error:
+        raise BuildError(f"the manual: {error}") from error
+    for made in DIST.glob("help.html*"):
+        made.unlink()
+    for page in [path for path in (DIST / "help").iterdir() if path.suffix in (".html", ".json")]:
+        packed = gzip.compress(page.read_bytes(), mtime=0)
+        page.with_name(f"{page.name}.gz").write_bytes(packed)
 
 
 def _generate_types() -> None:
@@ -101,7 +122,8 @@ def _generate_types() -> None:
 
 def _source_digest() -> str:
     parts = ((path, path.relative_to(APP).parts) for path in APP.rglob("*"))
-    return _digest(APP, [path for path, inside in parts if not NOT_SOURCES.intersection(inside)])
+    app = [path for path, inside in parts if not NOT_SOURCES.intersection(inside)]
+    return _digest(ROOT, [*app, *MANUAL.rglob("*"), MANUAL_WRITER])
 
 
 def _digest(root: Path, paths: list[Path]) -> str:

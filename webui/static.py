@@ -21,6 +21,8 @@ CONTENT_SECURITY_POLICY: Final = "; ".join(
 """The app loads nothing from elsewhere, and no other page may frame it."""
 STATION_ROOTS: Final = frozenset({"api", "view", "docs", "redoc", "openapi.json", "sign-in"})
 """First parts of addresses that are the station's; the app has no page there."""
+MANUAL_ROOT: Final = "help"
+"""First part of the addresses of the operator's manual, which needs no sign-in."""
 ENCODINGS: Final = {"br": ".br", "gzip": ".gz"}
 """Content codings that the build wrote files in, the smallest first, and how their names end."""
 _FOR_EVER: Final = "public, max-age=31536000, immutable"
@@ -58,6 +60,8 @@ def _answer(root: Path, path: str, request: Request) -> Response:
     index = root / "index.html"
     if not index.is_file():
         return HTMLResponse(_NOT_BUILT, status_code=503, headers=_headers(_ASK_AGAIN))
+    if path.split("/", 1)[0] == MANUAL_ROOT and not Path(path).suffix:
+        return _manual_page(root, path, request)
     wanted = (root / path).resolve()
     if wanted != index and wanted.is_relative_to(root) and wanted.is_file():
         hashed = wanted.is_relative_to(root / "assets")
@@ -68,7 +72,20 @@ def _answer(root: Path, path: str, request: Request) -> Response:
     return _file(index, _ASK_AGAIN, request)
 
 
-def _file(path: Path, cache: str, request: Request) -> Response:
+def _manual_page(root: Path, path: str, request: Request) -> Response:
+    """Return a chapter; its contents where it has none of that name, with a 404."""
+    manual = root / MANUAL_ROOT
+    chapter = (root / f"{path}.html").resolve()
+    if chapter.parent == manual and chapter.is_file():
+        return _file(chapter, _ASK_AGAIN, request)
+    contents = manual / "index.html"
+    if not contents.is_file():
+        raise HTTPException(404)
+    status = 200 if path.rstrip("/") == MANUAL_ROOT else 404
+    return _file(contents, _ASK_AGAIN, request, status)
+
+
+def _file(path: Path, cache: str, request: Request, status: int = 200) -> Response:
     """Return a file in the smallest coding that it exists in and that is asked for."""
     headers = _headers(cache) | {"Vary": "Accept-Encoding"}
     kind = guess_type(path.name)[0]
@@ -76,9 +93,9 @@ def _file(path: Path, cache: str, request: Request) -> Response:
         packed = path.with_name(path.name + ENCODINGS[coding])
         if packed.is_file():
             return FileResponse(
-                packed, media_type=kind, headers=headers | {"Content-Encoding": coding}
+                packed, status, media_type=kind, headers=headers | {"Content-Encoding": coding}
             )
-    return FileResponse(path, media_type=kind, headers=headers)
+    return FileResponse(path, status, media_type=kind, headers=headers)
 
 
 def _accepted(header: str) -> list[str]:

@@ -6,13 +6,15 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import httpx
 import pytest
 
 from tests.e2e.demo import ROOT, Demo
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
 PACKAGES = ("autonomy", "db", "onboard", "reproduction", "robot_link", "server", "simulator")
-MADE = ("webui/dist/index.html", "robot_link/mavlink/dialect/grace.py")
+MADE = ("webui/dist/index.html", "webui/dist/help/index.html",
+        "robot_link/mavlink/dialect/grace.py")  # fmt: skip
 
 
 def pip(*words, python=sys.executable):
@@ -90,6 +92,9 @@ def test_the_wheel_runs_the_demo_where_nothing_else_of_it_is(installed, tmp_path
     ) as demo:
         page = demo.client.get(demo.sign_in_url).raise_for_status()
         assert "<script" in page.text
+        manual = httpx.get(f"{demo.url}/help").raise_for_status()
+        assert "<title>Operator's manual" in manual.text
+        assert httpx.get(f"{demo.url}/help/sections.json").raise_for_status().json()
         demo.wait(
             "both robots being heard",
             lambda: {robot["link"]["state"] for robot in demo.get("/api/robots")} == {"live"},

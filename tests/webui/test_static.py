@@ -120,3 +120,43 @@ def test_the_policy_allows_nothing_from_elsewhere() -> None:
     assert "default-src 'self'" in CONTENT_SECURITY_POLICY
     assert "unsafe" not in CONTENT_SECURITY_POLICY
     assert "http" not in CONTENT_SECURITY_POLICY
+
+
+@pytest.fixture
+def manual(dist: Path) -> Path:
+    (dist / "help" / "images").mkdir(parents=True)
+    (dist / "help" / "index.html").write_text("<p>contents</p>")
+    (dist / "help" / "alarms.html").write_text("<p>alarms</p>")
+    (dist / "help" / "images" / "fleet.png").write_bytes(b"picture")
+    return dist
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "text"),
+    [
+        ("/help", 200, "contents"),
+        ("/help/", 200, "contents"),
+        ("/help/alarms", 200, "alarms"),
+        ("/help/no-such-chapter", 404, "contents"),
+        ("/help/images", 404, "contents"),
+        ("/help/%2e%2e/secret", 404, "contents"),
+        ("/help/..%2findex", 404, "contents"),
+        ("/helpless", 200, "the app"),
+    ],
+)
+async def test_the_manual_is_served_by_chapter(
+    manual: Path, path: str, status: int, text: str
+) -> None:
+    answer = await browser(manual).get(path)
+    assert (answer.status_code, answer.text) == (status, f"<p>{text}</p>")
+    assert answer.headers["content-security-policy"] == CONTENT_SECURITY_POLICY
+
+
+async def test_pictures_of_the_manual_are_files(manual: Path) -> None:
+    answer = await browser(manual).get("/help/images/fleet.png")
+    assert answer.content == b"picture"
+    assert answer.headers["content-type"] == "image/png"
+
+
+async def test_without_a_built_manual_there_is_none(dist: Path) -> None:
+    assert (await browser(dist).get("/help")).status_code == 404

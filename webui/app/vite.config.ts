@@ -36,12 +36,13 @@ export default defineConfig({
     emptyOutDir: true,
     assetsInlineLimit: 0, // the content security policy allows no data: address
     target: 'es2022',
+    rolldownOptions: { input: ['index.html', 'help.html'] },
     chunkSizeWarningLimit: 400,
   },
   server: {
     proxy: {
       // What is the station's is asked of a running one: `grace demo --dev`, or one on its usual port.
-      '^/(api|view|docs|redoc|openapi\\.json|sign-in)([/?]|$)': {
+      '^/(api|view|docs|redoc|help|openapi\\.json|sign-in)([/?]|$)': {
         target: process.env.GRACE_STATION ?? 'http://127.0.0.1:8000',
         ws: true,
       },

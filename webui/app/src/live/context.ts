@@ -1,6 +1,7 @@
 import { createContext } from 'svelte';
 import type { Place } from '../page/place.svelte';
 import type { SceneStage } from '../part/scene_stage.svelte';
+import type { Tour } from '../tour/tour.svelte';
 import type { Preference } from './preference.svelte';
 import type { Orders } from './order.svelte';
 import type { Station } from './station.svelte';
@@ -10,3 +11,4 @@ export const [getPreference, setPreference] = createContext<Preference>();
 export const [getPlace, setPlace] = createContext<Place>();
 export const [getStage, setStage] = createContext<SceneStage>();
 export const [getOrders, setOrders] = createContext<Orders>();
+export const [getTour, setTour] = createContext<Tour>();

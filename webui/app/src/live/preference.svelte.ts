@@ -27,6 +27,8 @@ export class Preference {
   grid = $state<GridKind | null>(null);
   /** Picture under maps: the id of one, empty for none, `null` for the first that reaches there. */
   baseMap = $state<string | null>(null);
+  /** Names of the people who were offered the tour and began or declined it. */
+  toured = $state.raw<readonly string[]>([]);
 
   constructor() {
     const kept = read();
@@ -38,9 +40,8 @@ export class Preference {
     if (kept.grid === 'geographic' || kept.grid === 'metres' || kept.grid === 'none') {
       this.grid = kept.grid;
     }
-    if (Array.isArray(kept.hiddenLayers)) {
-      this.hiddenLayers = kept.hiddenLayers.filter((one) => typeof one === 'string');
-    }
+    this.hiddenLayers = texts(kept.hiddenLayers);
+    this.toured = texts(kept.toured);
     document.documentElement.dataset.theme = this.theme;
   }
 
@@ -64,6 +65,7 @@ export class Preference {
       hiddenLayers: this.hiddenLayers,
       grid: this.grid,
       baseMap: this.baseMap,
+      toured: this.toured,
     });
     try {
       localStorage.setItem(KEY, kept);
@@ -71,6 +73,10 @@ export class Preference {
       // A browser that stores nothing still works; it forgets.
     }
   }
+}
+
+function texts(kept: unknown): string[] {
+  return Array.isArray(kept) ? kept.filter((one) => typeof one === 'string') : [];
 }
 
 function read(): Record<string, unknown> {

@@ -1,20 +1,27 @@
 /**
  * Addresses of the pages: `/page` or `/page/robot`, and `#section` within; the fleet is `/`. A page
- * that is `within` another is reached from there, and shown as part of it in the rail.
+ * that is `within` another is reached from there, and shown as part of it in the rail. `manual` is the
+ * section of the manual that is about it.
  */
 
 export const PAGES = [
-  { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
-  { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true },
-  { key: 'drive', title: 'Drive', letter: 'v', hasRobot: true, within: 'robot' },
-  { key: 'design', title: 'Design', letter: 'e', hasRobot: true },
-  { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true },
-  { key: 'track', title: 'Track', letter: 't', hasRobot: true },
-  { key: 'map', title: 'Map', letter: 'm', hasRobot: true },
-  { key: 'control', title: 'Control', letter: 'c', hasRobot: true },
-  { key: 'data', title: 'Data', letter: 'd', hasRobot: true },
-  { key: 'log', title: 'Log', letter: 'l', hasRobot: false },
-  { key: 'settings', title: 'Settings', letter: 's', hasRobot: false },
+  { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false, manual: 'fleet' },
+  { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true, manual: 'robot' },
+  { key: 'drive', title: 'Drive', letter: 'v', hasRobot: true, within: 'robot', manual: 'driving' },
+  { key: 'design', title: 'Design', letter: 'e', hasRobot: true, manual: 'designs' },
+  { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true, manual: 'surveys' },
+  { key: 'track', title: 'Track', letter: 't', hasRobot: true, manual: 'targets' },
+  { key: 'map', title: 'Map', letter: 'm', hasRobot: true, manual: 'maps' },
+  {
+    key: 'control',
+    title: 'Control',
+    letter: 'c',
+    hasRobot: true,
+    manual: 'settings#how-robots-plan-and-steer',
+  },
+  { key: 'data', title: 'Data', letter: 'd', hasRobot: true, manual: 'data' },
+  { key: 'log', title: 'Log', letter: 'l', hasRobot: false, manual: 'alarms' },
+  { key: 'settings', title: 'Settings', letter: 's', hasRobot: false, manual: 'settings' },
 ] as const;
 
 export type PageKey = (typeof PAGES)[number]['key'];
@@ -55,6 +62,12 @@ function decode(part: string): string | null {
   } catch {
     return null;
   }
+}
+
+/** Section of the manual that a page belongs to; its contents where it names none. */
+export function pageManual(key: PageKey): string {
+  const page = PAGES.find((one) => one.key === key);
+  return page && 'manual' in page ? page.manual : '';
 }
 
 /** Page that a plan of a kind is made and followed on. */
