@@ -28,7 +28,7 @@ from server.checklist.judging import (
     why_over,
 )
 from server.checklist.state import RunEvidence, apply, told
-from server.checklist.template import Item, Template, template_of
+from server.checklist.template import ChecklistItem, ChecklistTemplate, template_of
 from server.checklist.templates import KnownTemplate, Templates
 from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
@@ -55,7 +55,7 @@ class ListStanding:
         return _NO_RUN if self.run is None else self.run.state
 
     @property
-    def template(self) -> Template:
+    def template(self) -> ChecklistTemplate:
         """The version that counts."""
         return self.known.template if self.run is None else template_of(self.run.document)
 
@@ -374,7 +374,9 @@ def overrule_run(
     )  # fmt: skip
 
 
-def refusal(template: Template, robot: str, missing: Sequence[ItemStanding], state: str) -> Problem:
+def refusal(
+    template: ChecklistTemplate, robot: str, missing: Sequence[ItemStanding], state: str
+) -> Problem:
     """Return the 409 that lists what is open."""
     count = "1 blocking item is" if len(missing) == 1 else f"{len(missing)} blocking items are"
     was = " although it was complete" if state == "complete" else ""
@@ -383,7 +385,7 @@ def refusal(template: Template, robot: str, missing: Sequence[ItemStanding], sta
     return conflict(text, errors)
 
 
-def _manual_item(template: Template, key: str) -> Item:
+def _manual_item(template: ChecklistTemplate, key: str) -> ChecklistItem:
     item = next((one for one in template.items if one.key == key), None)
     if item is None or item.kind != "manual":
         manual = ", ".join(one.key for one in template.items if one.kind == "manual")

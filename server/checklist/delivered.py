@@ -4,20 +4,24 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from server.checklist.template import Item, Template
+from server.checklist.template import ChecklistItem, ChecklistTemplate
 
 
-def _asks(check: str, text: str, limit: float | None = None, *, blocking: bool = True) -> Item:
-    return Item(key=check, text=text, kind="automatic", check=check, limit=limit, blocking=blocking)
+def _asks(
+    check: str, text: str, limit: float | None = None, *, blocking: bool = True
+) -> ChecklistItem:
+    return ChecklistItem(
+        key=check, text=text, kind="automatic", check=check, limit=limit, blocking=blocking
+    )
 
 
-def _tick(key: str, text: str, help_text: str = "", *, blocking: bool = True) -> Item:
-    return Item(key=key, text=text, help=help_text, blocking=blocking)
+def _tick(key: str, text: str, help_text: str = "", *, blocking: bool = True) -> ChecklistItem:
+    return ChecklistItem(key=key, text=text, help=help_text, blocking=blocking)
 
 
-DELIVERED: Final[Mapping[str, Template]] = MappingProxyType(
+DELIVERED: Final[Mapping[str, ChecklistTemplate]] = MappingProxyType(
     {
-        "pre_dive_tank": Template(
+        "pre_dive_tank": ChecklistTemplate(
             title="Pre-dive, tank",
             act="start",
             waters=["tank"],
@@ -50,7 +54,7 @@ DELIVERED: Final[Mapping[str, Template]] = MappingProxyType(
                 _tick("hook", "A hook or a line is at hand", blocking=False),
             ],
         ),
-        "pre_launch_lake": Template(
+        "pre_launch_lake": ChecklistTemplate(
             title="Pre-launch, open water",
             act="launch",
             waters=["lake", "sea"],
@@ -84,7 +88,7 @@ DELIVERED: Final[Mapping[str, Template]] = MappingProxyType(
                 _tick("notice", "Whom it concerns knows of the launch", blocking=False),
             ],
         ),
-        "daily": Template(
+        "daily": ChecklistTemplate(
             title="Daily look",
             act="daily",
             valid_h=24.0,
@@ -99,7 +103,7 @@ DELIVERED: Final[Mapping[str, Template]] = MappingProxyType(
                 _tick("water", "Its water was looked at: ice, boats, nets", blocking=False),
             ],
         ),
-        "recovery": Template(
+        "recovery": ChecklistTemplate(
             title="Recovery",
             act="recovery",
             valid_h=24.0,

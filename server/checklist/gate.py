@@ -24,7 +24,7 @@ from server.checklist.checklists import (
     refusal,
 )
 from server.checklist.judging import findings_of, open_blocking, standing_of, why_over
-from server.checklist.template import GATING, Template, template_of
+from server.checklist.template import GATING, ChecklistTemplate, template_of
 from server.checklist.templates import KnownTemplate
 from server.fleet.fleet import Fleet
 
@@ -46,7 +46,7 @@ by whom which list was overruled."""
 class _Judged:
     """What the checks found of a list, and by which document."""
 
-    template: Template
+    template: ChecklistTemplate
     findings: Mapping[str, Finding]
 
 

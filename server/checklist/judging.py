@@ -7,14 +7,14 @@ from typing import Any
 
 from db.query.mission.checklists import ChecklistRun, Tick
 from server.checklist.check import CHECKS, Finding, Situation, judged
-from server.checklist.template import GATING, Item, Template
+from server.checklist.template import GATING, ChecklistItem, ChecklistTemplate
 
 
 @dataclass(frozen=True, slots=True)
 class ItemStanding:
     """One item of a run now."""
 
-    item: Item
+    item: ChecklistItem
     finding: Finding | None
     """Of an automatic item."""
     words: tuple[Tick, ...]
@@ -40,7 +40,7 @@ class ItemStanding:
         return self.item.text if self.finding is None else f"{self.item.text} ({self.finding.text})"
 
 
-def findings_of(template: Template, situation: Situation) -> dict[str, Finding]:
+def findings_of(template: ChecklistTemplate, situation: Situation) -> dict[str, Finding]:
     """Return what each automatic item finds, by its key."""
     return {
         item.key: judged(CHECKS[item.check], situation, item.limit)
@@ -50,7 +50,7 @@ def findings_of(template: Template, situation: Situation) -> dict[str, Finding]:
 
 
 def standing_of(
-    template: Template,
+    template: ChecklistTemplate,
     findings: Mapping[str, Finding],
     ticks: Sequence[Tick],
     *,

@@ -16,7 +16,7 @@ from server.checklist.checklists import Checklists, ListStanding
 from server.checklist.judging import standing_of
 from server.checklist.template import GATING, template_of
 from server.checklist.view import (
-    PastRunView,
+    PastChecklistView,
     RobotChecklistsView,
     list_view,
     past_view,
@@ -57,11 +57,11 @@ class Overview:
             [list_view(one, yesterday) for one in standing],
         )
 
-    async def past(self, robot: str, before: str | None, limit: int) -> list[PastRunView]:
+    async def past(self, robot: str, before: str | None, limit: int) -> list[PastChecklistView]:
         """Return the runs of a robot, the newest first, as they were."""
 
-        def read(session: Session) -> list[PastRunView]:
-            found: list[PastRunView] = []
+        def read(session: Session) -> list[PastChecklistView]:
+            found: list[PastChecklistView] = []
             for run in query.newest_runs(session, robot, before, limit):
                 template = template_of(run.document)
                 findings = {

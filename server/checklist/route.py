@@ -11,7 +11,7 @@ from server.base.dependency import service
 from server.base.view import Body
 from server.checklist.checklists import Checklists
 from server.checklist.overview import Overview
-from server.checklist.view import PastRunView, RobotChecklistsView
+from server.checklist.view import PastChecklistView, RobotChecklistsView
 from server.fleet.dependency import FleetDep
 
 router = APIRouter(prefix="/api", tags=["checklists"], route_class=IdempotentRoute)
@@ -21,13 +21,13 @@ OverviewDep = Annotated[Overview, Depends(service(Overview))]
 Reason = Annotated[str, Field(min_length=3, max_length=500, pattern=r"\S")]
 
 
-class NewRun(Body):
+class NewChecklist(Body):
     """Which list is begun."""
 
     template: Annotated[str, Field(max_length=40)]
 
 
-class TickBody(Body):
+class ChecklistTick(Body):
     """An item that is ticked, or unticked."""
 
     item: Annotated[str, Field(max_length=40)]
@@ -35,7 +35,7 @@ class TickBody(Body):
     note: Annotated[str, Field(max_length=300)] = ""
 
 
-class OverruleBody(Body):
+class ChecklistOverrule(Body):
     """Why plans may be started although blocking items are open."""
 
     reason: Reason
@@ -56,7 +56,7 @@ async def list_past(
     fleet: FleetDep,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=100)] = 20,
-) -> list[PastRunView]:
+) -> list[PastChecklistView]:
     """Return the runs through a robot's lists as they were, the newest first."""
     del caller
     fleet.status(robot)
@@ -65,7 +65,7 @@ async def list_past(
 
 @router.post("/robots/{robot}/checklists", status_code=201)
 async def begin_checklist(
-    caller: Pilot, robot: str, body: NewRun, checklists: ChecklistsDep, overview: OverviewDep
+    caller: Pilot, robot: str, body: NewChecklist, checklists: ChecklistsDep, overview: OverviewDep
 ) -> RobotChecklistsView:
     """Begin a run through a list; 409 if one is open, or the list is not for this robot."""
     await checklists.begin(robot, body.template, by=caller.name)
@@ -74,7 +74,11 @@ async def begin_checklist(
 
 @router.post("/checklists/{checklist}/ticks", status_code=201)
 async def tick_item(
-    caller: Pilot, checklist: str, body: TickBody, checklists: ChecklistsDep, overview: OverviewDep
+    caller: Pilot,
+    checklist: str,
+    body: ChecklistTick,
+    checklists: ChecklistsDep,
+    overview: OverviewDep,
 ) -> RobotChecklistsView:
     """Tick an item with your name and the time, or untick it; what was ticked before is kept."""
     record = await checklists.tick(
@@ -96,7 +100,7 @@ async def complete_checklist(
 async def overrule_checklist(
     caller: Pilot,
     checklist: str,
-    body: OverruleBody,
+    body: ChecklistOverrule,
     checklists: ChecklistsDep,
     overview: OverviewDep,
 ) -> RobotChecklistsView:

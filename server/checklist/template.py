@@ -27,7 +27,7 @@ _VALID_MAX_H: Final = 24.0 * 31.0
 Key = Annotated[str, Field(pattern=KEY_PATTERN)]
 
 
-class Item(Body):
+class ChecklistItem(Body):
     """One thing to look at."""
 
     key: Key
@@ -67,7 +67,7 @@ class Item(Body):
         return self
 
 
-class Template(Body):
+class ChecklistTemplate(Body):
     """A checklist as teams write it."""
 
     title: Title
@@ -81,7 +81,7 @@ class Template(Body):
     valid_h: float = Field(default=12.0, ge=0.0, le=_VALID_MAX_H)
     """Hours of the robots' clock after which a run of it counts no more; 0 means until the
     deployment ends."""
-    items: Annotated[list[Item], Field(min_length=1, max_length=ITEMS_MAX)]
+    items: Annotated[list[ChecklistItem], Field(min_length=1, max_length=ITEMS_MAX)]
 
     @model_validator(mode="after")
     def _has_each_item_once(self) -> Self:
@@ -97,13 +97,13 @@ class Template(Body):
         return self.robots in ("all", wanted) and (not self.waters or water in self.waters)
 
 
-def template_of(document: Mapping[str, Any]) -> Template:
+def template_of(document: Mapping[str, Any]) -> ChecklistTemplate:
     """Return the template of a document.
 
     Raises:
         Problem: 422 that names each field that is wrong.
     """
     try:
-        return Template.model_validate(document)
+        return ChecklistTemplate.model_validate(document)
     except ValidationError as error:
-        raise invalid(error, Template) from error
+        raise invalid(error, ChecklistTemplate) from error

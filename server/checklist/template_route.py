@@ -10,12 +10,12 @@ from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body
 from server.checklist.check import CHECKS
-from server.checklist.template import KEY_PATTERN, Template, template_of
+from server.checklist.template import KEY_PATTERN, ChecklistTemplate, template_of
 from server.checklist.templates import Templates
 from server.checklist.view import (
-    CheckView,
-    TemplateVersionView,
-    TemplateView,
+    ChecklistCheckView,
+    ChecklistTemplateView,
+    ChecklistVersionView,
     check_view,
     template_view,
 )
@@ -25,30 +25,30 @@ router = APIRouter(prefix="/api", tags=["checklists"], route_class=IdempotentRou
 TemplatesDep = Annotated[Templates, Depends(service(Templates))]
 
 
-class NewTemplate(Body):
+class NewChecklistTemplate(Body):
     """A template of the team's own."""
 
     key: Annotated[str, Field(pattern=KEY_PATTERN)]
-    template: Template
+    template: ChecklistTemplate
 
 
-class TemplateChange(Body):
+class ChecklistTemplateChange(Body):
     """What a template says from now on."""
 
-    template: Template
+    template: ChecklistTemplate
     version: int = Field(ge=0)
     """The version that was changed; 409 if there is a newer one."""
 
 
 @router.get("/checklist-checks")
-async def list_checks(caller: Viewer) -> list[CheckView]:
+async def list_checks(caller: Viewer) -> list[ChecklistCheckView]:
     """Return what automatic items can ask, with the usual limit and its bounds."""
     del caller
     return [check_view(one) for one in CHECKS.values()]
 
 
 @router.get("/checklist-templates")
-async def list_templates(caller: Viewer, templates: TemplatesDep) -> list[TemplateView]:
+async def list_templates(caller: Viewer, templates: TemplatesDep) -> list[ChecklistTemplateView]:
     """Return every template in use, the delivered ones first."""
     del caller
     return [template_view(one) for one in templates.entries]
@@ -56,16 +56,16 @@ async def list_templates(caller: Viewer, templates: TemplatesDep) -> list[Templa
 
 @router.post("/checklist-templates", status_code=201)
 async def create_template(
-    caller: Admin, body: NewTemplate, templates: TemplatesDep
-) -> TemplateView:
+    caller: Admin, body: NewChecklistTemplate, templates: TemplatesDep
+) -> ChecklistTemplateView:
     """Add a template; 422 names what is wrong with an item, such as a check that there is not."""
     return template_view(await templates.add(body.key, body.template, by=caller.name))
 
 
 @router.put("/checklist-templates/{template}")
 async def change_template(
-    caller: Admin, template: str, body: TemplateChange, templates: TemplatesDep
-) -> TemplateView:
+    caller: Admin, template: str, body: ChecklistTemplateChange, templates: TemplatesDep
+) -> ChecklistTemplateView:
     """Save a template as its next version; runs that are under way keep theirs."""
     changed = await templates.change(template, body.template, body.version, by=caller.name)
     return template_view(changed)
@@ -74,7 +74,7 @@ async def change_template(
 @router.delete("/checklist-templates/{template}")
 async def reset_template(
     caller: Admin, template: str, templates: TemplatesDep
-) -> list[TemplateView]:
+) -> list[ChecklistTemplateView]:
     """Let a template be as it was delivered again; one of the team's own is put away."""
     await templates.reset(template, by=caller.name)
     return [template_view(one) for one in templates.entries]
@@ -83,12 +83,12 @@ async def reset_template(
 @router.get("/checklist-templates/{template}/versions")
 async def list_versions(
     caller: Viewer, template: str, templates: TemplatesDep
-) -> list[TemplateVersionView]:
+) -> list[ChecklistVersionView]:
     """Return every version of a template that was saved, the newest first."""
     del caller
     templates.get(template)
     return [
-        TemplateVersionView(
+        ChecklistVersionView(
             one.version,
             None if one.document is None else template_of(one.document),
             one.saved_at,

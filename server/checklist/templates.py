@@ -15,7 +15,7 @@ from db.writer import tell_after_commit
 from server.base.foundation import Foundation
 from server.base.problem import conflict, not_found
 from server.checklist.delivered import DELIVERED
-from server.checklist.template import Template, template_of
+from server.checklist.template import ChecklistTemplate, template_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class KnownTemplate:
     """A template, and where it comes from."""
 
     key: str
-    template: Template
+    template: ChecklistTemplate
     version: int
     """0 as it was delivered."""
     origin: Literal["delivered", "changed", "own"]
@@ -78,7 +78,7 @@ class Templates:
             if one.template.applies_to(is_simulated=robot.simulated, water=robot.site.kind)
         ]
 
-    async def add(self, key: str, template: Template, *, by: str) -> KnownTemplate:
+    async def add(self, key: str, template: ChecklistTemplate, *, by: str) -> KnownTemplate:
         """Add a template of the team's own.
 
         Raises:
@@ -91,7 +91,9 @@ class Templates:
                 key, template, f"{by} added the checklist {template.title}.", by
             )
 
-    async def change(self, key: str, template: Template, version: int, *, by: str) -> KnownTemplate:
+    async def change(
+        self, key: str, template: ChecklistTemplate, version: int, *, by: str
+    ) -> KnownTemplate:
         """Save a template as its next version; runs that are under way keep theirs.
 
         Args:
@@ -130,11 +132,15 @@ class Templates:
         """Return every version that was saved, the newest first."""
         return await self._store.query(lambda session: query.template_versions(session, key))
 
-    async def _save(self, key: str, template: Template, text: str, by: str) -> KnownTemplate:
+    async def _save(
+        self, key: str, template: ChecklistTemplate, text: str, by: str
+    ) -> KnownTemplate:
         await self._write(key, template, text, by)
         return self.get(key)
 
-    async def _write(self, key: str, template: Template | None, text: str, by: str) -> None:
+    async def _write(
+        self, key: str, template: ChecklistTemplate | None, text: str, by: str
+    ) -> None:
         at = self._clock.now()
         document = None if template is None else template.model_dump(mode="json")
 
@@ -157,6 +163,8 @@ class Templates:
         return KnownTemplate(key, template, saved.version, origin, saved.saved_at, saved.saved_by)
 
     @staticmethod
-    def _delivered(key: str, template: Template, saved: TemplateVersion | None) -> KnownTemplate:
+    def _delivered(
+        key: str, template: ChecklistTemplate, saved: TemplateVersion | None
+    ) -> KnownTemplate:
         version = 0 if saved is None else saved.version
         return KnownTemplate(key, template, version, "delivered")

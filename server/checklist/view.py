@@ -10,7 +10,7 @@ from server.base.view import View, one_of
 from server.checklist.check import CHECKS, Check
 from server.checklist.checklists import ListStanding
 from server.checklist.judging import ItemStanding
-from server.checklist.template import ACT_WORDS, Act, Template, template_of
+from server.checklist.template import ACT_WORDS, Act, ChecklistTemplate, template_of
 from server.checklist.templates import KnownTemplate
 
 RunState = Annotated[str, one_of("not begun", "open", "complete", "overruled", "expired")]
@@ -18,7 +18,7 @@ Demand = Annotated[str, one_of("off", "told", "required")]
 
 
 @dataclass(frozen=True, slots=True)
-class TickView(View):
+class ChecklistTickView(View):
     """An item that somebody ticked, or unticked."""
 
     is_ticked: bool
@@ -28,7 +28,7 @@ class TickView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class FoundView(View):
+class ChecklistFindingView(View):
     """What an automatic item found."""
 
     is_passed: bool
@@ -39,7 +39,7 @@ class FoundView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class ItemView(View):
+class ChecklistItemView(View):
     """One item of a list."""
 
     key: str
@@ -55,15 +55,15 @@ class ItemView(View):
     """Key of its check; empty of a manual one."""
     limit_text: str
     """What the check is held against, with its unit; empty where it takes no number."""
-    now: FoundView | None
+    now: ChecklistFindingView | None
     """Of an automatic item."""
     yesterday: str
     """The value at this hour of yesterday; empty where none is known."""
-    settled: FoundView | None
+    settled: ChecklistFindingView | None
     """What it found as the list was completed or overruled."""
-    tick: TickView | None
+    tick: ChecklistTickView | None
     """Who ticked it; ``null`` while it is not ticked."""
-    history: list[TickView]
+    history: list[ChecklistTickView]
     """Everything that was ticked and unticked, the earliest first."""
 
 
@@ -86,7 +86,7 @@ class ChecklistView(View):
     settled_at: datetime | None
     settled_by: str
     reason: str
-    items: list[ItemView]
+    items: list[ChecklistItemView]
     open_blocking: list[str]
     """Keys of the blocking items that are open now."""
     lets_start: bool
@@ -108,7 +108,7 @@ class RobotChecklistsView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class PastRunView(View):
+class PastChecklistView(View):
     """A run as it was."""
 
     id: str
@@ -123,11 +123,11 @@ class PastRunView(View):
     settled_at: datetime | None
     settled_by: str
     reason: str
-    items: list[ItemView]
+    items: list[ChecklistItemView]
 
 
 @dataclass(frozen=True, slots=True)
-class LimitView(View):
+class CheckLimitView(View):
     """The number that a check is held against."""
 
     title: str
@@ -138,22 +138,22 @@ class LimitView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class CheckView(View):
+class ChecklistCheckView(View):
     """One thing that an automatic item can ask."""
 
     key: str
     title: str
     help: str
-    limit: LimitView | None
+    limit: CheckLimitView | None
     holds_in_flight: bool
 
 
 @dataclass(frozen=True, slots=True)
-class TemplateView(View):
+class ChecklistTemplateView(View):
     """A template, and where it comes from."""
 
     key: str
-    template: Template
+    template: ChecklistTemplate
     version: int
     """0 as it was delivered; who changes it names this."""
     origin: Annotated[str, one_of("delivered", "changed", "own")]
@@ -162,25 +162,25 @@ class TemplateView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class TemplateVersionView(View):
+class ChecklistVersionView(View):
     """A template as it was saved once."""
 
     version: int
-    template: Template | None
+    template: ChecklistTemplate | None
     """``null`` from when it was as delivered again, or put away."""
     saved_at: datetime
     saved_by: str
 
 
-def check_view(check: Check) -> CheckView:
+def check_view(check: Check) -> ChecklistCheckView:
     """Return a check as REST says it."""
-    limit = None if check.limit is None else same(LimitView, check.limit)
-    return same(CheckView, check, limit=limit)
+    limit = None if check.limit is None else same(CheckLimitView, check.limit)
+    return same(ChecklistCheckView, check, limit=limit)
 
 
-def template_view(known: KnownTemplate) -> TemplateView:
+def template_view(known: KnownTemplate) -> ChecklistTemplateView:
     """Return a template as REST says it."""
-    return same(TemplateView, known)
+    return same(ChecklistTemplateView, known)
 
 
 def list_view(one: ListStanding, yesterday: dict[str, str]) -> ChecklistView:
@@ -212,17 +212,19 @@ def list_view(one: ListStanding, yesterday: dict[str, str]) -> ChecklistView:
     )
 
 
-def past_view(run: ChecklistRun, items: list[ItemStanding]) -> PastRunView:
+def past_view(run: ChecklistRun, items: list[ItemStanding]) -> PastChecklistView:
     """Return a run as it was, with what its automatic items found as it was settled."""
     found = run.found.get("findings", {})
     views = [_item_view(item, found, {}) for item in items]
-    return same(PastRunView, run, title=template_of(run.document).title, items=views)
+    return same(PastChecklistView, run, title=template_of(run.document).title, items=views)
 
 
-def _item_view(one: ItemStanding, found: dict[str, Any], yesterday: dict[str, str]) -> ItemView:
+def _item_view(
+    one: ItemStanding, found: dict[str, Any], yesterday: dict[str, str]
+) -> ChecklistItemView:
     item = one.item
     check = CHECKS.get(item.check)
-    return ItemView(
+    return ChecklistItemView(
         key=item.key,
         text=item.text,
         help=item.help or ("" if check is None else check.help),
@@ -232,7 +234,7 @@ def _item_view(one: ItemStanding, found: dict[str, Any], yesterday: dict[str, st
         is_meant=one.is_meant,
         check=item.check,
         limit_text=_limit_text(check, item.limit),
-        now=None if one.finding is None else same(FoundView, one.finding),
+        now=None if one.finding is None else same(ChecklistFindingView, one.finding),
         yesterday="" if check is None else yesterday.get(check.channel, ""),
         settled=_kept_view(found.get(item.key)),
         tick=None if one.tick is None else _tick_view(one.tick),
@@ -240,17 +242,17 @@ def _item_view(one: ItemStanding, found: dict[str, Any], yesterday: dict[str, st
     )
 
 
-def _kept_view(kept: dict[str, Any] | None) -> FoundView | None:
+def _kept_view(kept: dict[str, Any] | None) -> ChecklistFindingView | None:
     if kept is None:
         return None
     at = kept["at"]
-    return FoundView(
+    return ChecklistFindingView(
         kept["is_passed"], kept["text"], None if at is None else datetime.fromisoformat(at)
     )
 
 
-def _tick_view(tick: Tick) -> TickView:
-    return same(TickView, tick)
+def _tick_view(tick: Tick) -> ChecklistTickView:
+    return same(ChecklistTickView, tick)
 
 
 def _limit_text(check: Check | None, limit: float | None) -> str:
