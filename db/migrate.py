@@ -14,6 +14,7 @@ from db import (
     design_tables,
     link_tables,
     map_tables,
+    notice_tables,
     onboard_tables,
     person_tables,
     sample_tables,
@@ -40,6 +41,7 @@ _TABLE_MODULES = (
     design_tables,
     schedule_tables,
     checklist_tables,
+    notice_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

@@ -23,6 +23,7 @@ from server.fleet import install as fleet
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
 from server.map import install as maps
+from server.notice import install as notice
 from server.plan import install as plan
 from server.prediction import install as prediction
 from server.recording import install as recording
@@ -67,6 +68,7 @@ CAPABILITIES = (
     study,
     prediction,
     alarm,
+    notice,
     scene,
     recording,
 )

@@ -19,7 +19,7 @@ CONTENT_SECURITY_POLICY: Final = "; ".join(
     )
 )
 """The app loads nothing from elsewhere, and no other page may frame it."""
-STATION_ROOTS: Final = frozenset({"api", "view", "docs", "redoc", "openapi.json", "sign-in"})
+STATION_ROOTS: Final = frozenset({"api", "view", "docs", "redoc", "openapi.json", "sign-in", "ack"})
 """First parts of addresses that are the station's; the app has no page there."""
 MANUAL_ROOT: Final = "help"
 """First part of the addresses of the operator's manual, which needs no sign-in."""

@@ -111,14 +111,7 @@ class SecretStore:
 
         A damaged one is replaced: all that is lost is that browsers are known.
         """
-        file = self._file("browser", "marks")
-        fresh = secrets.token_bytes(KEY_BYTES)
-        try:
-            return _key_of(file, _read(file) or _create(file, fresh.hex()))
-        except SecretUnreadableError as error:
-            _log.warning("%s A new key takes its place; no browser is known any more.", error)
-            _write(file, fresh.hex())
-            return fresh
+        return self._own_key(self._file("browser", "marks"), "no browser is known any more")
 
     def signing_key(self, robot: str) -> bytes | None:
         """Return the key that signs MAVLink with a robot; None where frames are not signed.
@@ -206,9 +199,42 @@ class SecretStore:
         file = self._file("push", kind)
         return (_read(file) or _create(file, secrets.token_urlsafe(24))).strip()
 
+    def notice_address(self, name: str) -> str | None:
+        """Return where notices go: to a contact, by a mail server, to who watches the station.
+
+        Raises:
+            SecretUnreadableError: If its file holds no text.
+        """
+        return _read(self._file("notice", name))
+
+    def set_notice_address(self, name: str, text: str | None) -> None:
+        """Keep where notices go, or forget it."""
+        file = self._file("notice", name)
+        if text is None:
+            file.unlink(missing_ok=True)
+        else:
+            _write(file, text)
+
+    def notice_key(self) -> bytes:
+        """Return the key that signs the links of notices, made at first need.
+
+        A damaged one is replaced: links that were sent before acknowledge nothing any more.
+        """
+        return self._own_key(self._file("links", "notice"), "no earlier link is taken any more")
+
+    def _own_key(self, file: Path, cost: str) -> bytes:
+        """Return a key that the station alone uses, made at first need and where it is damaged."""
+        fresh = secrets.token_bytes(KEY_BYTES)
+        try:
+            return _key_of(file, _read(file) or _create(file, fresh.hex()))
+        except SecretUnreadableError as error:
+            _log.warning("%s A new key takes its place; %s.", error, cost)
+            _write(file, fresh.hex())
+            return fresh
+
     def _file(self, kind: str, name: str) -> Path:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is not the name of a robot or gateway")
+            raise ValueError(f"{name!r} is not the name of a robot, gateway or contact")
         return self._folder / f"{kind}-{name}"
 
 

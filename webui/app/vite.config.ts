@@ -42,7 +42,7 @@ export default defineConfig({
   server: {
     proxy: {
       // What is the station's is asked of a running one: `grace demo --dev`, or one on its usual port.
-      '^/(api|view|docs|redoc|help|openapi\\.json|sign-in)([/?]|$)': {
+      '^/(api|view|docs|redoc|help|openapi\\.json|sign-in|ack)([/?]|$)': {
         target: process.env.GRACE_STATION ?? 'http://127.0.0.1:8000',
         ws: true,
       },

@@ -1,0 +1,257 @@
+"""A message on its way to its service: tried, kept, tried again, given up.
+
+Each contact has its own patience: one that fails is left alone for ever longer and holds up no
+other. That a service took a message is no proof that anybody read it.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from pydantic import ValidationError
+from sqlalchemy.orm import Session
+
+from db.identity import public_id
+from db.query.station import notices as query
+from db.query.station.notices import ItemRecord, NoticeRecord, Reachable
+from robot_link.clock import SystemClock, monotonic_s
+from server.access.role import Right, Role
+from server.base.foundation import Foundation
+from server.base.retry_queue import until_stored
+from server.base.secret import SecretUnreadableError, secret_fault
+from server.notice import state
+from server.notice.contact import Address, MailServer, apprise_url
+from server.notice.link import link_word
+from server.notice.message import page_of
+from server.notice.sender import Message, Reply, Sender
+from server.notice.state import NoticeEvidence
+
+BACK_OFF_S: Final = (5.0, 15.0, 60.0, 300.0, 900.0, 1800.0)
+"""Between two attempts at a contact; the last for all that follow."""
+LIFE: Final = timedelta(hours=24)
+"""By the wall, of a message that no service takes and of the link in it: a demo's faster clock
+does not shorten what a person has."""
+REFUSALS_MAX: Final = 3
+MAIL_SERVER: Final = "mail-server"
+"""Name of the secret that holds the account with the mail server."""
+OWN_CAUSE: Final = "notice"
+"""Of the alarm that notices cannot be sent."""
+_TEST = "Test: a notice of the ground station"
+_TEST_TEXT = "Somebody asked for this test. If you can read it, this contact works."
+
+
+@dataclass(slots=True)
+class _Health:
+    """How a contact does, as far as this run of the station knows."""
+
+    is_busy: bool = False
+    failures: int = 0
+    not_before_s: float = 0.0
+    failing_since: datetime | None = None
+    reason: str = ""
+    title: str = ""
+
+
+class Deliveries:
+    """Hands messages to services. Belongs to one event loop.
+
+    Args:
+        foundation: What the station stands on.
+        sender: Speaks with the services.
+        on_free: Told whenever a contact can be sent to again.
+    """
+
+    def __init__(self, foundation: Foundation, sender: Sender, on_free: Callable[[], None]) -> None:
+        self._foundation = foundation
+        self._store, self._clock = foundation.store, foundation.clock
+        self._wall = SystemClock()
+        self._sender = sender
+        self._on_free = on_free
+        self._health: dict[str, _Health] = {}
+        self._timers: dict[str, asyncio.TimerHandle] = {}
+
+    @property
+    def link_origin(self) -> str | None:
+        """Address at which people reach the station; ``None``: links cannot be written."""
+        origins = self._foundation.settings.public_origins
+        return origins[0].rstrip("/") if origins else None
+
+    def warm_up(self) -> None:
+        """Start what sends before a message is in a hurry."""
+        self._foundation.background.start("notice sender", self._sender.warm_up())
+
+    def forgive(self) -> None:
+        """Try every contact again at once: something about them is another one."""
+        for health in self._health.values():
+            health.not_before_s = 0.0
+        self._on_free()
+
+    async def forget(self, contact: str) -> None:
+        """Take that a contact is gone; whether notices can be sent is told without it."""
+        self._health.pop(contact, None)
+        await self._tell_of_health()
+
+    def is_free(self, contact: str) -> bool:
+        """Tell whether a contact can be sent to now; if not, ``on_free`` tells when it can."""
+        health = self._health.setdefault(contact, _Health())
+        wait_s = health.not_before_s - monotonic_s()
+        if not health.is_busy and wait_s > 0.0:
+            self.wake_in(contact, wait_s)
+        return not health.is_busy and wait_s <= 0.0
+
+    def wake_in(self, key: str, wait_s: float) -> None:
+        """Have ``on_free`` called after a time of the wall."""
+        old = self._timers.pop(key, None)
+        if old is not None:
+            old.cancel()
+        self._timers[key] = asyncio.get_running_loop().call_later(wait_s, self._on_free)
+
+    def begin(self, notice: NoticeRecord) -> None:
+        """Send a message to a contact that is free."""
+        self._health[notice.contact].is_busy = True
+        self._foundation.background.start(f"send {notice.id}", self._deliver(notice))
+
+    async def stop(self) -> None:
+        """End what sends; what was in hand is sent again at the next start."""
+        for timer in self._timers.values():
+            timer.cancel()
+        await self._sender.stop()
+
+    async def test(self, contact: str) -> tuple[NoticeRecord, Reply]:
+        """Send a test to a contact now and return what came of it; it is sent once.
+
+        Raises:
+            UnknownIdError: If there is no such contact.
+        """
+        now = self._clock.now()
+
+        def write(session: Session) -> str:
+            query.get_contact(session, contact)
+            row = query.add_notice(session, contact, "test", now)
+            row.title, row.text = self.marked(_TEST), _TEST_TEXT
+            return public_id("notice", row.key)
+
+        notice = await self._store.write(write)
+        try:
+            record = await self._store.query(lambda session: query.get_notice(session, notice))
+            reply = await self._hand_over(record, [], may_acknowledge=False)
+        except asyncio.CancelledError:
+            await asyncio.shield(self._settle(notice, NoticeEvidence.HOPELESS, "It was cancelled."))
+            raise
+        evidence = NoticeEvidence.TAKEN if reply.is_handed else NoticeEvidence.HOPELESS
+        await self._settle(notice, evidence, reply.text)
+        if reply.is_handed:
+            self._health.setdefault(contact, _Health()).not_before_s = 0.0
+            self._on_free()
+        return await self._store.query(lambda session: query.get_notice(session, notice)), reply
+
+    def marked(self, title: str) -> str:
+        """Return a title that says where robots do not exist."""
+        return f"SIMULATION {title}" if self._foundation.settings.simulation else title
+
+    async def _deliver(self, notice: NoticeRecord) -> None:
+        """Try once to have a service take a message, and keep what came of it."""
+        health = self._health.setdefault(notice.contact, _Health())
+        try:
+            evidence, reply = await self._try(notice)
+            await until_stored("a notice", lambda: self._settle(notice.id, evidence, reply))
+            await self._tell_of_health()
+        finally:
+            health.is_busy = False
+            self._on_free()
+
+    async def _try(self, notice: NoticeRecord) -> tuple[NoticeEvidence, str]:
+        def read(session: Session) -> tuple[list[ItemRecord], bool, Reachable | None]:
+            people = {person.name: person for person in query.everybody(session)}
+            is_over = query.is_all_over(session, notice.id)
+            return query.items_of(session, notice.id), is_over, people.get(notice.person)
+
+        items, is_over, person = await self._store.query(read)
+        health = self._health.setdefault(notice.contact, _Health())
+        if is_over:
+            return NoticeEvidence.SEEN, "Somebody has seen all of it meanwhile."
+        if person is None or not any(one.id == notice.contact for one in person.contacts):
+            return NoticeEvidence.HOPELESS, "There is no such contact any more."
+        may_acknowledge = Right.PILOT in Role(person.role).rights
+        reply = await self._hand_over(notice, items, may_acknowledge=may_acknowledge)
+        if reply.is_handed:
+            health.failures = 0
+            health.failing_since = None
+            return NoticeEvidence.TAKEN, reply.text
+        delay_s = BACK_OFF_S[min(health.failures, len(BACK_OFF_S) - 1)]
+        health.failures += 1
+        health.not_before_s = monotonic_s() + delay_s
+        health.failing_since = health.failing_since or self._clock.now()
+        health.reason, health.title = reply.text, f"{notice.person} ({notice.contact_title})"
+        expires_at = notice.link_expires_at
+        is_old = expires_at is not None and self._wall.now() >= expires_at
+        is_refused = reply.is_refusal and notice.attempts + 1 >= REFUSALS_MAX
+        if is_old or is_refused:
+            return NoticeEvidence.HOPELESS, reply.text
+        return NoticeEvidence.NOT_TAKEN, reply.text
+
+    async def _hand_over(
+        self, notice: NoticeRecord, items: Sequence[ItemRecord], *, may_acknowledge: bool
+    ) -> Reply:
+        try:
+            address, mail = await asyncio.to_thread(self._addresses, notice.contact)
+        except (SecretUnreadableError, OSError) as error:
+            return _no(secret_fault(error))
+        if address is None:
+            return _no("Its address is not known any more; enter it again.")
+        origin, text = self.link_origin, notice.text
+        page = "" if origin is None or not items else page_of(origin, items)
+        if page:
+            text += f"\n\nPage: {page}"
+        if origin and may_acknowledge and any(item.alarm for item in items):
+            text += await asyncio.to_thread(self._link_text, origin, notice)
+        extras = {"notice": notice.id, "topic": notice.topic, "level": notice.level}
+        if len(items) == 1:
+            one = items[0]
+            extras |= {"alarm": one.alarm or "", "robot": one.robot or ""}
+        url = apprise_url(address, mail, notice.level, extras, page)
+        if url is None:
+            return _no("The station has no mail server; an administrator enters one.")
+        text += f"\n\n{notice.id}"
+        return await self._sender.send(Message(url, notice.title, text, notice.level))
+
+    def _link_text(self, origin: str, notice: NoticeRecord) -> str:
+        expires_at = notice.link_expires_at
+        if expires_at is None:
+            return ""
+        word = link_word(self._foundation.secrets.notice_key(), notice.id, expires_at)
+        return f"\nAcknowledge (once, within 24 h): {origin}/ack/{word}"
+
+    def _addresses(self, contact: str) -> tuple[Address | None, MailServer | None]:
+        secrets = self._foundation.secrets
+        try:
+            address, mail = secrets.notice_address(contact), secrets.notice_address(MAIL_SERVER)
+            return (
+                None if address is None else Address.model_validate_json(address),
+                None if mail is None else MailServer.model_validate_json(mail),
+            )
+        except ValidationError:
+            raise SecretUnreadableError("A file of the secret folder holds no address.") from None
+
+    async def _settle(self, notice: str, evidence: NoticeEvidence, reply: str) -> None:
+        now = self._clock.now()
+        await self._store.write(lambda session: state.apply(session, notice, evidence, reply, now))
+        self._foundation.feed.mark("notices")
+
+    async def _tell_of_health(self) -> None:
+        """Raise and clear the one alarm that notices cannot be sent."""
+        failing = [one for one in self._health.values() if one.failing_since is not None]
+        if not failing:
+            await self._foundation.alarms.clear(OWN_CAUSE)
+            return
+        since = min(one.failing_since for one in failing if one.failing_since is not None)
+        worst = min(failing, key=lambda one: one.failing_since or since)
+        others = "" if len(failing) == 1 else f" and {len(failing) - 1} more"
+        text = f"Notices to {worst.title}{others} cannot be sent since {since:%H:%MZ}: "
+        await self._foundation.alarms.raise_(OWN_CAUSE, text + worst.reason)
+
+
+def _no(reason: str) -> Reply:
+    return Reply(is_handed=False, is_refusal=False, text=reason, took_s=0.0)

@@ -1,0 +1,50 @@
+"""Puts the capability together."""
+
+import math
+from collections.abc import Mapping
+
+from autonomy.frames import wgs84_from_ned
+from server.base.event_bus import AlarmChanged, EventLogged
+from server.base.foundation import Foundation
+from server.fleet.fleet import Fleet
+from server.notice import link_route, route
+from server.notice.heartbeat import Heartbeat
+from server.notice.message import Place
+from server.notice.outbox import Notices
+from server.notice.sender import Sender
+
+ROUTERS = (route.router, link_route.router)
+
+
+def install(foundation: Foundation) -> None:
+    """Tell people of every alarm, and who watches the station that it is alive."""
+    fleet = foundation.services.get(Fleet)
+    notices = foundation.services.add(Notices(foundation, lambda: last_places(fleet), Sender()))
+    heartbeat = foundation.services.add(Heartbeat(foundation))
+    foundation.bus.subscribe(AlarmChanged, notices.alarm_changed)
+    foundation.bus.subscribe(EventLogged, notices.event_logged)
+    foundation.lifetime.on_load(notices.load)
+    foundation.lifetime.on_stop(notices.deliveries.stop)
+    foundation.lifetime.run("notices", notices.run)
+    foundation.lifetime.run("heartbeat", heartbeat.run)
+
+
+def last_places(fleet: Fleet) -> Mapping[str, Place]:
+    """Return where each robot was when it last said so."""
+    places: dict[str, Place] = {}
+    for status in fleet.statuses:
+        report, site = status.state, status.record.site
+        if report is None:
+            continue
+        latitude_deg, longitude_deg = wgs84_from_ned(
+            report.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+        ).tolist()
+        std_m = report.position_std_m
+        places[status.record.id] = Place(
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            measured_at=report.measured_at,
+            has_fix=report.has_fix,
+            std_m=std_m if math.isfinite(std_m) else None,
+        )
+    return places
