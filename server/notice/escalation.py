@@ -17,6 +17,7 @@ from db.query.station import notices as query
 from db.query.station.alarms import AlarmRecord
 from db.query.station.events import EventRecord
 from db.query.station.notices import Reachable
+from server.base.alarm_board import WAITING
 from server.notice.settings import NoticeSettings
 from server.notice.wish import Topic, Wishes, gate, rank
 
@@ -30,7 +31,6 @@ EVENT_TOPICS: Final[dict[str, Topic]] = {
     "plan.failed": "plan",
 }
 """Events that people may want to be told of."""
-_TO_BE_SEEN: Final = ("unacknowledged", "returned")
 _CONTACT: Final = frozenset({"silence", "overdue", "contact", "system", "port"})
 _STATION: Final = frozenset({"satellite", "clock"})
 """First words of causes that are about more than the robot."""
@@ -48,7 +48,7 @@ def topic_of(alarm: AlarmRecord) -> Topic:
 
 def is_to_be_seen(alarm: AlarmRecord) -> bool:
     """Tell whether an alarm waits for somebody to see it: neither acknowledged nor set aside."""
-    return alarm.state in _TO_BE_SEEN
+    return alarm.state in WAITING
 
 
 def take_alarms(session: Session, alarms: Mapping[str, AlarmRecord], now: datetime) -> None:
