@@ -65,6 +65,15 @@ class PredictedPath:
 
 
 @dataclass(frozen=True, slots=True)
+class PredictionJudged:
+    """A fix told what the prediction of a robot was worth."""
+
+    robot: str
+    ellipse_units: float
+    """How far off it lay; 1 is the edge of the 90 % ellipse."""
+
+
+@dataclass(frozen=True, slots=True)
 class _Return:
     """A robot that was heard again, until a fix judges where it should have been."""
 
@@ -234,6 +243,8 @@ class Predictions:
 
             if await self._store.write(write):
                 self._foundation.feed.mark("predictions", robot)
+                units = float(record.document["ellipse_units"])
+                self._foundation.bus.publish(PredictionJudged(robot, units))
 
         await until_stored(f"what the prediction of {robot} was worth", keep)
 

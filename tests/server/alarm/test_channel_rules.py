@@ -6,16 +6,17 @@ import pytest
 
 from autonomy.channel import CHANNELS
 from robot_link.report import Reading
-from server.alarm.channel_rules import crossings
+from tests.server.alarm.judge import crossings
 from tests.server.conftest import MINI, until
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 PLACE = (1.0, 0.5, 0.2)
+NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
 
 
 def test_a_value_beyond_its_limit_says_value_limit_and_unit():
     values = {"internal_pressure": 1234.0, "free_disk": 12.0, "humidity": 40.0, "nobody": 1.0}
-    found = crossings("mini-1", values, CHANNELS)
+    found = crossings("mini-1", values, CHANNELS, NOW)
     assert {key: (one.level, one.text) for key, one in found.items()} == {
         "internal_pressure": (
             "warning",
@@ -26,7 +27,9 @@ def test_a_value_beyond_its_limit_says_value_limit_and_unit():
 
 
 def test_the_gravest_limit_is_told():
-    told = [crossings("m", {"internal_temperature": one}, CHANNELS) for one in (59.0, 61.0, 76.0)]
+    told = [
+        crossings("m", {"internal_temperature": one}, CHANNELS, NOW) for one in (59.0, 61.0, 76.0)
+    ]
     levels = [one["internal_temperature"].level if one else None for one in told]
     assert levels == [None, "warning", "critical"]
 

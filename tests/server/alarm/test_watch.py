@@ -15,11 +15,12 @@ from robot_link.messages import (
     RobotMode,
 )
 from robot_link.report import CurrentReport
-from server.alarm.rules import RULES, Watch
+from server.alarm.value import Watch
 from server.fleet.clock_fault import ClockFault
 from server.fleet.status import RobotStatus, SatelliteStatus
 from server.fleet.trail import POINTS_MAX, Track
 from tests.robot_link.test_actuator_report import REPORT
+from tests.server.alarm import judge
 from tests.server.fake_link import state_report
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
@@ -34,9 +35,7 @@ def status():
 
 
 def verdicts(status, since=LONG_AGO, speed=1.0):
-    watch = Watch(NOW, since, speed)
-    found = {rule.cause: rule.judge(status, watch) for rule in RULES}
-    return {cause: verdict for cause, verdict in found.items() if verdict is not None}
+    return judge.verdicts(status, Watch(NOW, since, speed))
 
 
 def link(state, age_s=60.0):
@@ -243,8 +242,8 @@ def test_rules_say_when_time_alone_changes_their_answer(status, monkeypatch):
 
     def asked(at):
         watch = Watch(at, LONG_AGO, 1.0)
-        found = [rule.judge(status, watch) for rule in RULES if rule.cause == "overdue"]
-        return watch.due, found[0]
+        found = judge.verdicts(status, watch)
+        return watch.due, found.get("overdue")
 
     begins, nothing = asked(NOW)
     assert nothing is None

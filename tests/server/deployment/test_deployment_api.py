@@ -6,7 +6,6 @@ import pytest
 
 from robot_link.messages import LinkReport, LinkState, RobotMode
 from server.access.role import Role
-from server.alarm import rules as watch
 from tests.server.conftest import MINI, api_client, until
 from tests.server.deployment.shore import answered, deployments, sample_at
 from tests.server.fake_link import state_report
@@ -175,8 +174,9 @@ async def test_a_void_deployment_is_hidden_with_its_reason(client):
     assert (await client.get(f"/api/robots/{MINI}")).json()["is_in_workshop"]
 
 
-async def test_alarms_of_contact_do_not_cry_for_a_robot_in_the_workshop(client, world, monkeypatch):
-    monkeypatch.setattr(watch, "_LOST", timedelta(0))
+async def test_alarms_of_contact_do_not_cry_for_a_robot_in_the_workshop(client, world):
+    at_once = {"limits": [{"level": "warning", "high": 0.0}]}
+    assert (await client.patch("/api/alarm-rules/silence", json=at_once)).status_code == 200
     first = await in_water(client)
 
     async def open_causes():
@@ -188,12 +188,12 @@ async def test_alarms_of_contact_do_not_cry_for_a_robot_in_the_workshop(client, 
     async def cries():
         return await open_causes() == ["unacknowledged"]
 
-    async def returned():
-        return await open_causes() == ["returned"]
+    async def stands_aside():
+        return await open_causes() == ["suppressed"]
 
     await until(cries)
     await answered(client.post(f"/api/deployments/{first['id']}/end"))
-    await until(returned)
+    await until(stands_aside)
     world.tell(state_report(MINI, battery_fraction=0.05))
 
     async def battery_cries():

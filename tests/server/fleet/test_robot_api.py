@@ -8,7 +8,6 @@ from pydantic import TypeAdapter
 
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
-from server.alarm import rules as watch
 from server.fleet.view import LiveRobotView
 from server.plan.view import LivePlanView
 from server.survey.view import LiveMissionView
@@ -118,10 +117,9 @@ async def test_each_radio_says_whether_its_frames_are_signed(client, world, is_s
     assert signed.get("satellite") is None
 
 
-async def test_silent_robot_raises_one_alarm_that_clears_when_it_is_heard(
-    client, world, monkeypatch
-):
-    monkeypatch.setattr(watch, "_LOST", timedelta(0))
+async def test_silent_robot_raises_one_alarm_that_clears_when_it_is_heard(client, world):
+    at_once = {"limits": [{"level": "warning", "high": 0.0}]}
+    assert (await client.patch("/api/alarm-rules/silence", json=at_once)).status_code == 200
     heard_at = datetime.now(UTC)
     world.tell(LinkReport(MINI, "xbee", LinkState.STALE, heard_at, None, 3, 0))
 

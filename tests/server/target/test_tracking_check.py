@@ -13,7 +13,7 @@ from db.query.mission.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport, RobotId, RobotMode
 from robot_link.report import TargetEstimate
 from robot_link.satellite.content import MobileOriginatedContent
-from server.alarm.rules import RULES, Watch
+from server.alarm.value import VALUES, Watch
 from server.fleet.status import PlanInHand, RobotStatus
 from server.fleet.target_words import target_text, within_95_m
 from server.fleet.trail import Track
@@ -26,6 +26,7 @@ from server.plan.target_check import (
 )
 from server.satellite.content import values_of
 from tests.db.target import target_report
+from tests.server.alarm.judge import verdicts
 from tests.server.fake_link import state_report
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
@@ -197,8 +198,7 @@ def test_robot_that_follows_a_target_under_water_surfaces_when_that_ends():
 
 
 def alarm(status):
-    (rule,) = (rule for rule in RULES if rule.cause == "target")
-    return rule.judge(status, Watch(NOW, NOW, 1.0))
+    return verdicts(status, Watch(NOW, NOW)).get("target")
 
 
 def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
@@ -217,20 +217,23 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
 
 
 def test_a_target_that_is_too_fast_is_an_alarm_before_it_is_lost():
-    (rule,) = (rule for rule in RULES if rule.cause == "target speed")
-    status, watch = status_in(TANK), Watch(NOW, NOW, 1.0)
+    status = status_in(TANK)
+
+    def too_fast():
+        return verdicts(status, Watch(NOW, NOW)).get("target speed")
+
     status.target_report = target_report(0)
-    assert rule.judge(status, watch) is None
+    assert too_fast() is None
     status.target_report = target_report(0, is_too_fast=True)
-    assert rule.judge(status, watch).text == "mini-1 follows a target that is too fast for it."
+    assert too_fast().text == "mini-1 follows a target that is too fast for it."
     status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
-    assert rule.judge(status, watch) is None
+    assert too_fast() is None
 
 
 def test_the_alarm_of_a_lost_target_says_how_that_ended():
-    (rule,) = (rule for rule in RULES if rule.cause == "target")
+    value = VALUES["target_lost"]
     status = status_in(TANK)
     for phase, how in (
         (TargetPhase.TRACKING, "found again"),
@@ -239,12 +242,12 @@ def test_the_alarm_of_a_lost_target_says_how_that_ended():
         (TargetPhase.ENDED, "its pursuit ended"),
     ):
         status.target_report = target_report(0, phase)
-        assert rule.over(status) == f"mini-1 lost its target; {how}."
+        assert value.over(status) == f"mini-1 lost its target; {how}."
     status.target_report = target_report(0, TargetPhase.TRACKING)
     status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
-    assert rule.over(status) == "mini-1 lost its target; its pursuit ended."
+    assert value.over(status) == "mini-1 lost its target; its pursuit ended."
 
 
 def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
