@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends
-from pydantic import Field, RootModel
+from pydantic import Field
 
 from db.query.station.alarm_rules import OutOfServiceRecord, RuleVersionRecord
 from db.record import same
@@ -13,7 +13,7 @@ from robot_link.messages import STATE
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.alarm.route import Note
-from server.alarm.rule import AlarmRule
+from server.alarm.rule import AlarmRule, ModeName, RuleKind, RuleLimit, Suppression
 from server.alarm.rule_book import KnownRule, RuleBook, validated
 from server.alarm.trial import Trials
 from server.alarm.value import VALUES
@@ -75,8 +75,23 @@ class WatchedView(View):
     """Whether its past is kept, so that a rule over it can be tried."""
 
 
-class RuleChanges(RootModel[dict[str, Any]]):
-    """Fields of a rule that change; see `GET /api/alarm-rules/schema`."""
+class RuleChanges(Body):
+    """What is to be changed of a rule; what is left out stays. Bounds are those of the rule."""
+
+    title: str | None = None
+    kind: RuleKind | None = None
+    reads: str | None = None
+    expression: str | None = None
+    limits: tuple[RuleLimit, ...] | None = None
+    hysteresis: float | None = None
+    delay_s: float | None = None
+    clear_after_s: float | None = None
+    window_s: float | None = None
+    robots: tuple[str, ...] | None = None
+    modes: tuple[ModeName, ...] | None = None
+    suppressed: tuple[Suppression, ...] | None = None
+    text: str | None = None
+    action: str | None = None
 
 
 class TakenOut(Body):
@@ -162,7 +177,8 @@ async def change_rule(
     caller: Pilot, rule: str, changes: RuleChanges, book: BookDep, fleet: FleetDep
 ) -> AlarmRuleView:
     """Change fields of a rule; of a delivered one the station keeps its own version."""
-    return _view(await book.change(rule, changes.root, _robots(fleet), caller.name))
+    given = changes.model_dump(mode="json", exclude_none=True)
+    return _view(await book.change(rule, given, _robots(fleet), caller.name))
 
 
 @router.delete("/{rule}")
