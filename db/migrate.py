@@ -13,6 +13,7 @@ from db import (
     current_tables,
     design_tables,
     link_tables,
+    log_book_tables,
     map_tables,
     notice_tables,
     onboard_tables,
@@ -42,6 +43,7 @@ _TABLE_MODULES = (
     schedule_tables,
     checklist_tables,
     notice_tables,
+    log_book_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

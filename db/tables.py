@@ -300,7 +300,7 @@ class Event(Base):
     __table_args__ = (Index(None, "robot_key", "cursor"), APPENDED_ONLY)
 
     cursor: Mapped[int] = mapped_column(Key, primary_key=True)
-    at: Mapped[datetime]
+    at: Mapped[datetime] = mapped_column(index=True)
     kind: Mapped[str]
     level: Mapped[str]
     robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))

@@ -22,6 +22,7 @@ from server.drive import install as drive
 from server.fleet import install as fleet
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
+from server.logbook import install as logbook
 from server.map import install as maps
 from server.notice import install as notice
 from server.plan import install as plan
@@ -71,6 +72,7 @@ CAPABILITIES = (
     notice,
     scene,
     recording,
+    logbook,
 )
 """Each stands on those before it alone."""
 ROUTERS = tuple(router for capability in CAPABILITIES for router in capability.ROUTERS)

@@ -30,6 +30,7 @@ FILE_BYTES_MAX: Final = {
     "/api/waters/imports": 256 * _MB,
     "/api/robots/{robot}/designs/read": 11 * _MB,
     "/api/waters/{water}/current/imports": 512 * _MB,
+    "/api/logbook/attachments": 11 * _MB,
 }
 """Routes that take files, by their path; anything but a form with files is kept in memory."""
 FILES_AT_ONCE: Final = 4

@@ -28,10 +28,11 @@ from server.cli.data_folder import CLOCK_FILE, DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
 from server.current.told import FOLDER as CURRENT_FOLDER
+from server.logbook.picture import FOLDER as PICTURE_FOLDER
 from server.water.waters import CHART_FOLDER
 
 DATABASE: Final = "station.sqlite3"
-FOLDERS: Final = ("secret", "log", CHART_FOLDER, CURRENT_FOLDER)
+FOLDERS: Final = ("secret", "log", CHART_FOLDER, CURRENT_FOLDER, PICTURE_FOLDER)
 _SQLITE_BEGINS: Final = b"SQLite format 3\0"
 _BLOCK_BYTES: Final = 1 << 20
 

@@ -14,10 +14,10 @@ ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
     "link", "satellite", "command", "drive", "current", "map", "tag", "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
-    "prediction", "alarm", "notice", "scene", "recording", "cli",
+    "prediction", "alarm", "notice", "scene", "recording", "logbook", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
-ARROWS_MAX = 150
+ARROWS_MAX = 160
 FILES_MAX = 25
 STATION_LINES_MAX = 170
 

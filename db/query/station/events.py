@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Select, func, select
+from sqlalchemy import ColumnElement, Select, func, select
 from sqlalchemy.orm import Session
 
 from db.actor import actor_of
@@ -112,6 +112,19 @@ def newest_events(
     """Return the last events, the oldest of them first."""
     statement = _wanted(session, wanted).order_by(Event.cursor.desc()).limit(limit)
     return [_record(row, name) for row, name in session.execute(statement)][::-1]
+
+
+def events_by_time(
+    session: Session, wanted: EventFilter, limit: int, *conditions: ColumnElement[bool]
+) -> list[EventRecord]:
+    """Return the last moments' events, the newest moment first: what was told late stands before.
+
+    ``conditions`` are about the columns of ``db.tables.Event``.
+    """
+    statement = _wanted(session, wanted).where(*conditions)
+    newest_first = (Event.at.desc(), Event.cursor.desc())
+    rows = session.execute(statement.order_by(*newest_first).limit(limit))
+    return [_record(row, name) for row, name in rows]
 
 
 def actors(session: Session) -> list[str]:

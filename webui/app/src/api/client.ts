@@ -5,6 +5,7 @@ import { done, newKey, of, told, versioned } from './call';
 import { ChannelApi } from './channel';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
+import { LogBookApi } from './log_book';
 import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { TagApi } from './tag';
@@ -85,6 +86,7 @@ export class Api {
   readonly outlook = new OutlookApi(this.#http);
   readonly tag = new TagApi(this.#http);
   readonly vehicle = new VehicleApi(this.#http);
+  readonly logBook = new LogBookApi(this.#http, () => this.csrf);
 
   samples = (robot: string, query: Query<'/api/robots/{robot}/samples'>, signal?: AbortSignal) =>
     told(this.#http.GET('/api/robots/{robot}/samples', of({ robot }, query, signal)));

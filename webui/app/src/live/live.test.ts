@@ -117,16 +117,34 @@ describe('a refusal', () => {
 
 describe('addresses', () => {
   test('name a page and a robot', () => {
-    expect(parseRoute('/plan/grace-1')).toEqual({ page: 'plan', robot: 'grace-1', section: '' });
-    expect(parseRoute('/')).toEqual({ page: 'fleet', robot: null, section: '' });
-    expect(parseRoute('/nowhere')).toEqual({ page: 'fleet', robot: null, section: '' });
-    expect(parseRoute('/robot/%E0%A4%A')).toEqual({ page: 'robot', robot: null, section: '' });
+    expect(parseRoute('/plan/grace-1')).toEqual({
+      page: 'plan',
+      robot: 'grace-1',
+      section: '',
+      at: null,
+    });
+    expect(parseRoute('/')).toEqual({ page: 'fleet', robot: null, section: '', at: null });
+    expect(parseRoute('/nowhere')).toEqual({ page: 'fleet', robot: null, section: '', at: null });
+    expect(parseRoute('/robot/%E0%A4%A')).toEqual({
+      page: 'robot',
+      robot: null,
+      section: '',
+      at: null,
+    });
+    const then = parseRoute('/robot/mini-1', '', '?at=2026-11-21T04:23:48Z');
+    expect(then.at).toBe('2026-11-21T04:23:48.000Z');
+    expect(parseRoute('/robot/mini-1', '', '?at=soon').at).toBeNull();
   });
 
   test.each(['robot', 'plan', 'map', 'control', 'data'] as const)(
     'of %s lead back to it',
     (page) => {
-      expect(parseRoute(routePath(page, 'a b'))).toEqual({ page, robot: 'a b', section: '' });
+      expect(parseRoute(routePath(page, 'a b'))).toEqual({
+        page,
+        robot: 'a b',
+        section: '',
+        at: null,
+      });
     },
   );
 

@@ -4,7 +4,7 @@ import { parseRoute, routePath, type PageKey, type Route } from './route';
 
 /** Where in the app its user is: the page, and the robot that every page speaks of. */
 export class Place {
-  #route = $state.raw<Route>(parseRoute(location.pathname, location.hash));
+  #route = $state.raw<Route>(here());
   readonly #station: Station;
   readonly #preference: Preference;
 
@@ -15,6 +15,8 @@ export class Place {
 
   readonly page = $derived(this.#route.page);
   readonly section = $derived(this.#route.section);
+  /** Moment that the page is opened at; `null` for now. */
+  readonly at = $derived(this.#route.at);
 
   /** Robot of the address, else the one looked at last, else the first. */
   readonly robot = $derived.by(() => {
@@ -27,11 +29,30 @@ export class Place {
     return routePath(page, robot, section);
   }
 
-  go(page: PageKey, robot: string | null = this.robot, section = ''): void {
+  /** A page of a robot as of a moment. */
+  pathAt(page: PageKey, robot: string, at: string): string {
+    return `${routePath(page, robot)}?at=${encodeURIComponent(at)}`;
+  }
+
+  /** Leave the moment that the page was opened at. */
+  returnToNow(): void {
+    this.go(this.page, this.robot, this.section);
+  }
+
+  go(
+    page: PageKey,
+    robot: string | null = this.robot,
+    section = '',
+    at: string | null = null,
+  ): void {
     if (robot !== null) this.#preference.robot = robot;
-    const path = routePath(page, robot, section);
-    if (path !== location.pathname + location.hash) history.pushState(null, '', path);
-    this.#route = parseRoute(location.pathname, location.hash);
+    const search = at === null ? '' : `?at=${encodeURIComponent(at)}`;
+    const [path, hash] = routePath(page, robot, section).split('#');
+    const address = `${path}${search}${hash === undefined ? '' : `#${hash}`}`;
+    if (address !== location.pathname + location.search + location.hash) {
+      history.pushState(null, '', address);
+    }
+    this.#route = here();
   }
 
   /** Another robot on the same part of the same page. */
@@ -54,7 +75,7 @@ export class Place {
 
   /** Follow the browser's back and forward, and links inside the app. */
   listen(): () => void {
-    const onBack = () => (this.#route = parseRoute(location.pathname, location.hash));
+    const onBack = () => (this.#route = here());
     const onClick = (event: MouseEvent) => this.#follow(event);
     addEventListener('popstate', onBack);
     document.addEventListener('click', onClick);
@@ -70,7 +91,11 @@ export class Place {
     const link = event.target instanceof Element ? event.target.closest('a') : null;
     if (!link?.hasAttribute('data-in-app')) return;
     event.preventDefault();
-    const { page, robot, section } = parseRoute(link.pathname, link.hash);
-    this.go(page, robot ?? this.robot, section);
+    const { page, robot, section, at } = parseRoute(link.pathname, link.hash, link.search);
+    this.go(page, robot ?? this.robot, section, at);
   }
+}
+
+function here(): Route {
+  return parseRoute(location.pathname, location.hash, location.search);
 }

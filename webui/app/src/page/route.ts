@@ -31,13 +31,16 @@ export interface Route {
   robot: string | null;
   /** Part of the page that is open; "" for the first. */
   section: string;
+  /** Moment that the page is opened at, RFC 3339; `null` for now. */
+  at: string | null;
 }
 
-export function parseRoute(path: string, hash = ''): Route {
+export function parseRoute(path: string, hash = '', search = ''): Route {
   const [first = '', second] = path.split('/').filter(Boolean);
   const page = PAGES.find(({ key }) => key === first) ?? PAGES[0];
   const robot = page.hasRobot && second ? decode(second) : null;
-  return { page: page.key, robot, section: decode(hash.replace(/^#/, '')) ?? '' };
+  const at = momentOf(search);
+  return { page: page.key, robot, section: decode(hash.replace(/^#/, '')) ?? '', at };
 }
 
 /** Pages that the rail names. */
@@ -54,6 +57,12 @@ export function routePath(page: PageKey, robot: string | null, section = ''): st
   const hasRobot = PAGES.find(({ key }) => key === page)?.hasRobot ?? false;
   const path = hasRobot && robot !== null ? `/${page}/${encodeURIComponent(robot)}` : `/${page}`;
   return section ? `${path}#${encodeURIComponent(section)}` : path;
+}
+
+/** The moment of `?at=`, in the station's notation; `null` for none, or for what is no moment. */
+function momentOf(search: string): string | null {
+  const ms = Date.parse(new URLSearchParams(search).get('at') ?? '');
+  return Number.isNaN(ms) ? null : new Date(ms).toISOString();
 }
 
 function decode(part: string): string | null {

@@ -1,0 +1,153 @@
+"""What the next watch has to know: open alarms, robots that are overdue, plans, batteries.
+
+Everything is as the station knows it at one moment; what it does not know it leaves open.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from db.query.mission.plans import PlanRecord, list_plans
+from db.query.mission.scheduled_sends import ScheduledSend, open_scheduled_sends
+from server.base.foundation import Foundation
+from server.base.view import RobotLevel, View
+from server.battery.battery_use import BatteryUse
+from server.battery.lasting import battery_view
+from server.fleet.fleet import Fleet
+from server.fleet.panel import FleetViews
+from server.schedule.condition import condition_of, text_of
+
+OVERDUE: Final = ("overdue", "contact")
+"""Causes of alarms about robots that were to be heard by now."""
+_ON_BOARD: Final = ("sent", "waiting", "on_board", "running")
+_IN_WORK: Final = ("planning", "draft")
+
+
+@dataclass(frozen=True, slots=True)
+class OpenAlarmView(View):
+    """An alarm that is not closed."""
+
+    id: str
+    robot: str | None
+    level: RobotLevel
+    text: str
+    raised_at: datetime
+    acknowledged_by: str | None
+    is_normal_again: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStandView(View):
+    """How one robot stands."""
+
+    robot: str
+    name: str
+    deployment: str | None
+    """Title of the one that it is in."""
+    activity: str
+    is_overdue: bool
+    next_contact: str
+    """When it is expected, in words; empty where nobody knows."""
+    battery: float | None
+    """Part of the full battery, as it said last."""
+    battery_at: datetime | None
+    recover_by: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStandView(View):
+    """A plan that is on its way, on board, or in work ashore."""
+
+    id: str
+    robot: str
+    kind: str
+    standing: str
+    """Its state, in words."""
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class StandView(View):
+    """Everything that the next watch has to know of robots and plans."""
+
+    alarms: list[OpenAlarmView]
+    robots: list[RobotStandView]
+    plans: list[PlanStandView]
+    """On their way or on board."""
+    drafts: list[PlanStandView]
+    """In work, or waiting at the station."""
+
+
+async def standing(foundation: Foundation) -> StandView:
+    """Return how everything stands now."""
+    fleet, services = foundation.services.get(Fleet), foundation.services
+    robots = [one.record.id for one in fleet.statuses if one.record.kind != "recorded"]
+    alarms = [
+        OpenAlarmView(
+            one.id,
+            one.robot,
+            one.level,
+            one.text,
+            one.raised_at,
+            one.acknowledged_by,
+            one.cleared_at is not None,
+        )
+        for one in foundation.alarms.open
+    ]
+    overdue = {
+        one.robot
+        for one in foundation.alarms.open
+        if one.cause in OVERDUE and one.cleared_at is None
+    }
+    views, batteries = services.get(FleetViews), services.get(BatteryUse)
+    stands = [
+        await _robot(foundation, views, batteries, robot, is_overdue=robot in overdue)
+        for robot in robots
+    ]
+
+    def read(session: Session) -> tuple[list[PlanRecord], list[PlanRecord], list[ScheduledSend]]:
+        return (
+            list_plans(session, states=_ON_BOARD),
+            list_plans(session, states=_IN_WORK),
+            open_scheduled_sends(session),
+        )
+
+    plans, drafts, waiting = await foundation.store.query(read)
+    later = {one.plan: f"waits for {text_of(condition_of(one.condition))}" for one in waiting}
+    return StandView(
+        alarms,
+        stands,
+        [_plan(one) for one in plans],
+        [_plan(one, later.get(one.id, "")) for one in drafts],
+    )
+
+
+async def _robot(
+    foundation: Foundation,
+    views: FleetViews,
+    batteries: BatteryUse,
+    robot: str,
+    *,
+    is_overdue: bool,
+) -> RobotStandView:
+    view, battery = views.robot_view(robot), await batteries.of(robot)
+    told = None if battery is None else battery_view(robot, battery, foundation.clock.now())
+    return RobotStandView(
+        robot=robot,
+        name=view.name,
+        deployment=None if view.deployment is None else view.deployment.name,
+        activity=view.activity,
+        is_overdue=is_overdue,
+        next_contact="" if view.next_contact is None else view.next_contact.text,
+        battery=None if told is None else told.left,
+        battery_at=None if told is None else told.measured_at,
+        recover_by=None if told is None or told.recover_by is None else told.recover_by.at,
+    )
+
+
+def _plan(plan: PlanRecord, more: str = "") -> PlanStandView:
+    words = plan.state.replace("_", " ")
+    standing = f"{words}, {more}" if more else words
+    return PlanStandView(plan.id, plan.robot, plan.kind, standing, plan.created_by)
