@@ -28,7 +28,7 @@ _OUTLIER = 2.5
 _PATIENCE = 4
 _HOTEL_SHARE = 0.4
 """Standard deviation of what is believed of the electronics' power beforehand, as a share of it."""
-_OWN_SHARE = 1.0
+_OWN_SHARE = 0.6
 """The same of what a use draws on top."""
 _SCATTER = 0.10
 """``s`` as believed beforehand."""

@@ -4,11 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from autonomy.estimation.energy_use import Use
 from autonomy.planner.capability import energy_of, motion_of, swimming_speed_m_s, time_unit_j
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.work import joules_per_unit, work_of
+from autonomy.planner.work import CONTROL_SHARE, joules_per_unit, work_of
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VEHICLES, Vehicle
 from autonomy.vehicle.extended_kernel import advance
@@ -187,7 +188,9 @@ def test_units_of_energy_stand_for_joules(key):
         primitive.glide(config, (0.0, 0.0, 0.0), (reach, 0.0, depth)),
         primitive.glide(config, (reach, 0.0, depth), (2.0 * reach, 0.0, 0.0)),
     )
-    joules = joules_of(vehicle, config, legs)
+    control_w = CONTROL_SHARE[Use.GLIDE] * vehicle.energy.pump_full_w
+    control_j = control_w * sum(leg.duration_s for leg in legs)
+    joules = joules_of(vehicle, config, legs) + control_j
     per_unit = joules_per_unit(vehicle, config.primitives, config.energy)
     assert per_unit * sum(leg.energy for leg in legs) == pytest.approx(joules, rel=1e-6)
 
