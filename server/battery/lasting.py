@@ -68,14 +68,19 @@ def recover_by(battery: Battery) -> RecoverByView | None:
 
 
 def battery_after(
-    battery: Battery, hours: FloatArray, dives: int, home: tuple[float, float] | None
+    battery: Battery,
+    hours: FloatArray,
+    dives: int,
+    there_h: float,
+    home: tuple[float, float] | None,
 ) -> BatteryAfterView | None:
     """Return what is left after a flight, ``None`` while the robot has not said how much there is.
 
     Args:
         battery: The robot's.
-        hours: Of the flight in each use, shape ``(5,)``.
+        hours: Of the flight in each use, shape ``(5,)``, the way there included.
         dives: In how many pieces that scatter by themselves it is parted.
+        there_h: Hours of the swim to where it begins.
         home: Distance, m, and hours of the swim home from its end; ``None`` where nobody knows.
     """
     if battery.left is None:
@@ -93,6 +98,7 @@ def battery_after(
         left=_shares(left_wh, capacity_wh),
         left_wh=left_wh,
         used_wh=range_view(takes),
+        there=there_h * use.power(Use.SWIM).mean_wh / capacity_wh,
         home=at_home,
         home_m=None if home is None else home[0],
         reserve=battery.config.reserve,

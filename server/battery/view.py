@@ -24,7 +24,9 @@ class BatteryAfterView(View):
     """At its end, parts of a full battery."""
     left_wh: RangeView
     used_wh: RangeView
-    """What it takes until then."""
+    """What it takes until then, the way there included."""
+    there: float
+    """Part of the full battery that the way to where it begins is expected to take."""
     home: RangeView | None
     """After the swim from there to where the robot was put into the water, parts of a full battery;
     ``null`` where nobody knows where that was."""

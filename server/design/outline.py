@@ -318,13 +318,14 @@ def _battery_after(
     if around.battery is None:
         return None
     hours = hours_of_legs(legs, duration_s, rules.energy)
-    hours[Use.SWIM] += 0.0 if way is None else way.duration_s / _S_PER_H
+    there_h = 0.0 if way is None else way.duration_s / _S_PER_H
+    hours[Use.SWIM] += there_h
     home = None
     if around.home_ne_m is not None:
         home_m = math.dist(around.home_ne_m, legs[-1].end_ned[:2])
         home = (home_m, home_m / rules.primitives.swim_speed_m_s / _S_PER_H)
     dives = 1 + sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
-    return battery_after(around.battery, hours, dives, home)
+    return battery_after(around.battery, hours, dives, there_h, home)
 
 
 def _watt_hours(vehicle: Vehicle | None, rules: PlannerConfig, units: float) -> float | None:

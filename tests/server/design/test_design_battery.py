@@ -70,7 +70,8 @@ def test_the_way_there_and_the_way_home_take_their_part():
     here = (first.north_m, first.east_m, 0.0)
     far = (here[0] - 100.0, here[1], 0.0)
     at_once, later = after(design, robot_ned=here), after(design, robot_ned=far)
-    assert later.left.mean < at_once.left.mean
+    assert later.left.mean == pytest.approx(at_once.left.mean - later.there)
+    assert later.there > at_once.there == 0.0
     assert (at_once.home, at_once.home_m) == (None, None)
     home = after(design, robot_ned=here, home_ne_m=far[:2])
     last = design.content.waypoints[-1]

@@ -11,7 +11,7 @@ import {
   withSpots,
 } from './document';
 import type { Content, Design, Waypoint } from './document';
-import { estimate, legFigures, scaledTo, type Checked, type Rates } from './estimate';
+import { estimate, leftOfFlights, legFigures, scaledTo, type Checked, type Rates } from './estimate';
 import { begun, KINDS, titleOf } from './kinds';
 import { parsePlace, placeText } from './place_text';
 import {
@@ -191,6 +191,7 @@ describe('the estimate', () => {
     left: range(0.68, 0.03),
     left_wh: range(68, 3),
     used_wh: range(12, 3),
+    there: 0.02,
     home: null,
     home_m: null,
     reserve: 0.1,
@@ -226,6 +227,15 @@ describe('the estimate', () => {
     const times = (guess?.energy ?? 0) / 40;
     expect(guess?.battery_after?.used_wh.mean).toBeCloseTo(times * 12, 6);
     expect(guess?.battery_after?.left_wh.mean).toBeCloseTo(80 - times * 12, 6);
+  });
+
+  test('pays the way there and the way home from the charge that flights ahead ended with', () => {
+    const alone = leftOfFlights(AFTER, [0.5, 0.6, 0.7]);
+    expect(alone.left).toEqual({ mean: 0.58, low: 0.48, high: expect.closeTo(0.68, 9) as number });
+    expect(alone.home).toBeNull();
+    const back = leftOfFlights({ ...AFTER, home: range(0.63, 0.04) }, [0.03, 0.6, 0.7]);
+    expect(back.home?.mean).toBeCloseTo(0.53, 9);
+    expect(back.home?.low).toBe(0);
   });
 
   test('leaves everything else of a design as it is when a place moves', () => {

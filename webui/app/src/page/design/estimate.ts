@@ -191,6 +191,23 @@ export function drained(after: BatteryAfter, share: number): BatteryAfter {
   };
 }
 
+/** What is left after a flight and back home, by the charge that flights ahead ended with. */
+export function leftOfFlights(
+  after: BatteryAfter,
+  [low, mean, high]: readonly [low: number, middle: number, high: number],
+): Pick<BatteryAfter, 'left' | 'home'> {
+  const without = (share: number) => ({
+    mean: Math.max(0, mean - share),
+    low: Math.max(0, low - share),
+    high: Math.max(0, high - share),
+  });
+  const back = after.home && after.left.mean - after.home.mean;
+  return {
+    left: without(after.there),
+    home: back === null ? null : without(after.there + back),
+  };
+}
+
 /** The model's account in the measure of the station's last answer. */
 export function scaledTo(now: Figures, checked: Checked | null): Account {
   const known = checked?.account ?? null;
