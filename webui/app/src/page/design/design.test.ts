@@ -11,7 +11,14 @@ import {
   withSpots,
 } from './document';
 import type { Content, Design, Waypoint } from './document';
-import { estimate, leftOfFlights, legFigures, scaledTo, type Checked, type Rates } from './estimate';
+import {
+  estimate,
+  leftOfFlights,
+  legFigures,
+  scaledTo,
+  type Checked,
+  type Rates,
+} from './estimate';
 import { begun, KINDS, titleOf } from './kinds';
 import { parsePlace, placeText } from './place_text';
 import {
