@@ -151,8 +151,8 @@ class QgcPlanFile:
         judge.judge(flown)
         speed = self._cruise_speed()
         areas = [survey for survey in parts.surveys if survey.area is not None]
-        if parts.surveys:
-            points = sum(len(survey.transects) for survey in parts.surveys)
+        points = sum(len(survey.transects) for survey in parts.surveys)
+        if points > 0:
             findings.ask("takes_transects", f"Take the {points} points of the survey's transects")
         if areas and not judge.stops and not choices.takes_transects:
             return self._covered(areas, choices, placement)

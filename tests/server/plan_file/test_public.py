@@ -167,6 +167,9 @@ def test_the_polygon_of_a_survey_of_an_unknown_version_is_taken_with_a_warning()
         "survey.plan", public.zurich_survey(), site, takes_transects=True, turns_sign=True
     )
     assert depths(turned) == [50.0] * 8
+    assert any("8 points" in question.text for question in found.needs)
+    bare = read("survey.plan", public.zurich_survey().replace(b"VisualTransectPoints", b"-"), site)
+    assert not any("transects" in question.text for question in bare.needs)
 
 
 def test_a_polygon_of_kml():
