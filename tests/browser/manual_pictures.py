@@ -17,8 +17,8 @@ from tests.browser.walk import browser_page, chromium, expect_scene, open_page
 from tests.e2e.demo import LASTING, ROOT, Demo
 
 INTO = ROOT / "docs" / "manual" / "images"
-SIZE = {"width": 1280, "height": 800}
-COLOURS = 128
+SIZE = {"width": 1120, "height": 720}
+COLOURS = 256
 SETTLE_MS = 1500
 """Charts and maps ease into their place."""
 
@@ -79,7 +79,8 @@ def design(page: Page, demo: Demo) -> None:
 
 def drive(page: Page, demo: Demo) -> None:
     open_page(page, demo, "/drive/grace-1")
-    expect(page.get_by_role("button", name=re.compile("Drive grace-1 by hand"))).to_be_visible()
+    expect(page.get_by_role("button", name=re.compile("Drive grace-1 by hand"))).to_be_enabled()
+    page.get_by_text("From above", exact=True).click()
     keep(page, "drive")
 
 
@@ -130,7 +131,7 @@ def keep(page: Page, name: str, part: Locator | None = None) -> None:
     page.mouse.move(1, 1)
     page.wait_for_timeout(SETTLE_MS)
     shot = page.screenshot() if part is None else part.screenshot()
-    picture = Image.open(BytesIO(shot)).convert("RGB").quantize(COLOURS)
+    picture = Image.open(BytesIO(shot)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     picture.save(INTO / f"{name}.png", optimize=True)
 
 
@@ -148,7 +149,7 @@ def main() -> None:
     INTO.mkdir(parents=True, exist_ok=True)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Demo(Path(folder), "--speed", "10") as demo,
+        Demo(Path(folder), "--speed", "4") as demo,
         chromium() as browser,
         browser_page(browser, demo) as page,
     ):

@@ -20,7 +20,7 @@ export const PAGES = [
     manual: 'settings#how-robots-plan-and-steer',
   },
   { key: 'data', title: 'Data', letter: 'd', hasRobot: true, manual: 'data' },
-  { key: 'log', title: 'Log', letter: 'l', hasRobot: false, manual: 'alarms' },
+  { key: 'log', title: 'Log', letter: 'l', hasRobot: false, manual: 'log-book' },
   { key: 'settings', title: 'Settings', letter: 's', hasRobot: false, manual: 'settings' },
 ] as const;
 

@@ -6,6 +6,15 @@ export interface KeyboardActions {
   help(): void;
 }
 
+/** Single keys; `g` and a letter goes to a page. */
+export const APP_KEYS: Readonly<
+  Record<string, { meaning: string; act: (actions: KeyboardActions) => void }>
+> = {
+  '[': { meaning: 'Robot before', act: (actions) => actions.choose(-1) },
+  ']': { meaning: 'Robot after', act: (actions) => actions.choose(1) },
+  '?': { meaning: 'This sheet', act: (actions) => actions.help() },
+};
+
 const SECOND_KEY_MS = 1500;
 
 /** Keys of the whole app. None of them transmits anything. */
@@ -42,11 +51,10 @@ export class Keyboard {
       this.#isGoing = true;
       clearTimeout(this.#timer);
       this.#timer = setTimeout(() => (this.#isGoing = false), SECOND_KEY_MS);
-    } else if (key === '?') this.#actions.help();
-    else if (key === ']') this.#actions.choose(1);
-    else if (key === '[') this.#actions.choose(-1);
-    else return false;
-    return true;
+      return true;
+    }
+    APP_KEYS[key]?.act(this.#actions);
+    return Object.hasOwn(APP_KEYS, key);
   }
 }
 

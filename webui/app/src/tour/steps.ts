@@ -44,8 +44,8 @@ export const STEPS: readonly TourStep[] = [
     page: 'log',
     anchor: 'log',
     title: 'Log: what happened, and who did it?',
-    text: 'Events, alarms, commands, satellite messages. The bell above counts alarms that nobody has acknowledged. Press ? for all keys; the manual is in the person menu.',
-    manual: 'alarms',
+    text: 'The log book, events, alarms, commands, satellite messages. The bell above counts alarms that nobody has acknowledged. Press ? for all keys; the manual is in the person menu.',
+    manual: 'log-book',
   },
 ];
 

@@ -31,6 +31,18 @@ const KEYS: Readonly<Record<string, Partial<Stick>>> = {
   h: {},
 };
 
+/** What the keys do, for the sheet of keys. */
+export const DRIVE_KEYS: readonly (readonly [key: string, meaning: string])[] = [
+  ['↑ W', 'Ahead'],
+  ['↓ S', 'Astern'],
+  ['← A', 'To port'],
+  ['→ D', 'To starboard'],
+  ['PageUp R', 'Up'],
+  ['PageDown F', 'Down'],
+  ['H', 'Stay at its depth'],
+  ['Esc Space', 'Stop'],
+];
+
 /** The name under which a key steers; `null` for one that does not. */
 export function steeringKey(key: string): string | null {
   const name = key.length === 1 ? key.toLowerCase() : key;
