@@ -39,6 +39,7 @@ def night(page: Page, demo: Demo) -> None:
 
 def robot(page: Page, demo: Demo) -> None:
     open_page(page, demo, "/robot/mini-1")
+    page.get_by_text("3D", exact=True).first.click()
     expect_scene(page)
     keep(page, "robot")
 
