@@ -20,6 +20,7 @@ from server.deployment import install as deployment
 from server.design import install as design
 from server.drive import install as drive
 from server.fleet import install as fleet
+from server.lease import install as lease
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
 from server.logbook import install as logbook
@@ -53,6 +54,7 @@ CAPABILITIES = (
     deployment,
     link,
     satellite,
+    lease,
     command,
     drive,
     current,
@@ -111,7 +113,7 @@ class Station:
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
-        for later in CAPABILITIES[CAPABILITIES.index(command) :]:
+        for later in CAPABILITIES[CAPABILITIES.index(lease) :]:
             later.install(foundation)
 
     async def start(self) -> None:

@@ -8,10 +8,11 @@ A route names the right it needs by the type of its caller, and so cannot forget
 
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Final, TypeAlias
 
-from fastapi import Depends, Request, WebSocket
+from fastapi import Depends, Request, Response, WebSocket
 from fastapi.dependencies.models import Dependant
+from starlette.requests import HTTPConnection
 
 from server.access.access import Access, Caller
 from server.access.guard import Guard
@@ -41,11 +42,21 @@ async def _viewer(request: Request, guard: GuardDep) -> Caller:
 
 
 async def _pilot(request: Request, guard: GuardDep) -> Caller:
+    return await guard.caller(request, Right.PILOT, changes=True)
+
+
+async def _pilot_in_charge(request: Request, response: Response, guard: GuardDep) -> Caller:
+    caller = await guard.caller(request, Right.PILOT, sends=True, changes=True)
+    _tell_taken(request, response)
+    return caller
+
+
+async def _pilot_at_once(request: Request, guard: GuardDep) -> Caller:
     return await guard.caller(request, Right.PILOT)
 
 
 async def _admin(request: Request, guard: GuardDep) -> Caller:
-    return await guard.caller(request, Right.ADMINISTER)
+    return await guard.caller(request, Right.ADMINISTER, changes=True)
 
 
 async def _websocket_viewer(websocket: WebSocket, guard: GuardDep) -> Caller:
@@ -59,7 +70,13 @@ async def _websocket_pilot(websocket: WebSocket, guard: GuardDep) -> Caller:
 Viewer = Annotated[Caller, Depends(_viewer)]
 """Who asks; may look."""
 Pilot = Annotated[Caller, Depends(_pilot)]
-"""Who asks; may plan, upload, command and configure."""
+"""Who asks; may draft, plan, check, comment and acknowledge, whoever is in charge."""
+PilotInCharge = Annotated[Caller, Depends(_pilot_in_charge)]
+"""Who asks; may send the robots of the request plans, settings and orders, for they are in charge.
+
+Whoever asks it of a robot that nobody is in charge of is so from then on."""
+PilotAtOnce = Annotated[Caller, Depends(_pilot_at_once)]
+"""Who asks; may pilot. Nothing else stops it here: what can bring a robot up."""
 Admin = Annotated[Caller, Depends(_admin)]
 """Who asks; may change people, tokens and robots."""
 WebSocketViewer = Annotated[Caller, Depends(_websocket_viewer)]
@@ -68,20 +85,56 @@ WebSocketPilot = Annotated[Caller, Depends(_websocket_pilot)]
 """Who opens a WebSocket that moves robots; refused before it is accepted."""
 
 
-def _pilot_of(
-    request: Request, guard: GuardDep, caller: Pilot
-) -> Callable[[Collection[str]], Awaitable[None]]:
+Robots: TypeAlias = Callable[[Collection[str]], Awaitable[None]]
+
+
+def _pilot_of(request: Request, guard: GuardDep, caller: Pilot) -> Robots:
     async def check(robots: Collection[str]) -> None:
         await guard.check_robots(caller, Right.PILOT, robots, request)
 
     return check
 
 
-PilotOf = Annotated[Callable[[Collection[str]], Awaitable[None]], Depends(_pilot_of)]
+PilotOf = Annotated[Robots, Depends(_pilot_of)]
 """Refuses a request about robots that its body names, unless the caller may pilot each of them."""
 
+
+def _in_charge_of(request: Request, response: Response, guard: GuardDep) -> Robots:
+    async def check(robots: Collection[str]) -> None:
+        caller: Caller = request.state.caller
+        guard.check_script(caller)
+        await guard.check_robots(caller, Right.PILOT, robots, request, sends=True)
+        _tell_taken(request, response)
+
+    return check
+
+
+InChargeOf = Annotated[Robots, Depends(_in_charge_of)]
+"""Refuses a request of which its body says whether it sends robots something, unless the caller is
+in charge of each of them; its route asks it after its caller is known."""
+
+TAKEN_HEADER: Final = "Took-Charge-Of"
+
+
+def tell_taken(connection: HTTPConnection, robot: str) -> None:
+    """Have the answer of a request say that its caller is in charge of a robot since then."""
+    taken: list[str] = getattr(connection.state, "taken", [])
+    connection.state.taken = [*taken, robot]
+
+
+def _tell_taken(request: Request, response: Response) -> None:
+    if taken := getattr(request.state, "taken", []):
+        response.headers[TAKEN_HEADER] = ", ".join(taken)
+
+
 _RIGHTS: Mapping[object, Right] = MappingProxyType(
-    {_viewer: Right.VIEW, _pilot: Right.PILOT, _admin: Right.ADMINISTER}
+    {
+        _viewer: Right.VIEW,
+        _pilot: Right.PILOT,
+        _pilot_in_charge: Right.PILOT,
+        _pilot_at_once: Right.PILOT,
+        _admin: Right.ADMINISTER,
+    }
 )
 
 

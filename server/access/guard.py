@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 from db.actor import Actor, acting
 from db.fault import UnknownIdError
 from server.access.access import Access, Caller, SignedIn
+from server.access.presence import Presence
 from server.access.role import Right, Role
 from server.access.stream import Tickets
 from server.access.subject import Subjects
@@ -30,31 +31,45 @@ class RobotAsk:
     caller: Caller
     right: Right
     robots: frozenset[str]
+    """None for what reaches all robots, such as settings without one."""
     connection: HTTPConnection
 
 
 RobotCheck: TypeAlias = Callable[[RobotAsk], Awaitable[None]]
-"""Has the last word on a request about robots; raises ``Problem`` to refuse it.
+"""Has the last word on a request that sends robots something; raises ``Problem`` to refuse it.
 
 It may be asked more than once about one request.
 """
+ScriptCheck: TypeAlias = Callable[[Caller], None]
+"""Has a word on each change by a script; raises ``Problem`` to refuse it."""
 
 
 class Guard:
     """Checks cookies, bearer tokens, origins, host names and rights for one station."""
 
     def __init__(
-        self, access: Access, tickets: Tickets, settings: Settings, subjects: Subjects
+        self,
+        access: Access,
+        tickets: Tickets,
+        settings: Settings,
+        subjects: Subjects,
+        presence: Presence,
     ) -> None:
         self._access = access
+        self._presence = presence
         self._tickets = tickets
         self._settings = settings
         self._subjects = subjects
         self._checks: list[RobotCheck] = []
+        self._script_checks: list[ScriptCheck] = []
 
     def add_check(self, check: RobotCheck) -> None:
-        """Ask a check too about each request about robots, after the caller's right."""
+        """Ask a check too about each request that sends robots something, after the right."""
         self._checks.append(check)
+
+    def add_script_check(self, check: ScriptCheck) -> None:
+        """Ask a check too about each change by a script, but what brings a robot up."""
+        self._script_checks.append(check)
 
     @property
     def speaks_tls(self) -> bool:
@@ -116,8 +131,16 @@ class Guard:
         ours = f"{scheme}://{connection.headers.get('host', '')}"
         return origin in (*self._settings.public_origins, ours)
 
-    async def caller(self, request: Request, right: Right) -> Caller:
+    async def caller(
+        self, request: Request, right: Right, *, sends: bool = False, changes: bool = False
+    ) -> Caller:
         """Return who asks, once it is proved that they may.
+
+        Args:
+            request: What is asked.
+            right: What it needs.
+            sends: Whether it sends robots something, so that ``RobotCheck`` are asked.
+            changes: Whether it changes something, so that ``ScriptCheck`` are asked of a script.
 
         Raises:
             Problem: 401 without a valid cookie or token, 403 without the right, or when a
@@ -135,10 +158,27 @@ class Guard:
                 "Sign in first, or send a bearer token.",
                 headers={"WWW-Authenticate": "Bearer"},
             )
-        await self._check(found, right, request)
+        before = acting.set(_actor(found))
+        try:
+            if changes and request.method not in SAFE_METHODS:
+                self.check_script(found)
+            await self._check(found, right, request, sends=sends)
+        except BaseException:
+            acting.reset(before)
+            raise
+        self._presence.note(found, is_change=request.method not in SAFE_METHODS)
         request.state.caller = found
-        acting.set(_actor(found))
         return found
+
+    def check_script(self, caller: Caller) -> None:
+        """Ask whether a script may change something now.
+
+        Raises:
+            Problem: What the checks raise.
+        """
+        if caller.proof.kind == "token":
+            for check in self._script_checks:
+                check(caller)
 
     async def websocket_caller(self, websocket: WebSocket, right: Right = Right.VIEW) -> Caller:
         """Return who opens a WebSocket; call it before ``accept``.
@@ -166,12 +206,14 @@ class Guard:
         acting.set(_actor(found))
         return found
 
-    async def _check(self, caller: Caller, right: Right, connection: HTTPConnection) -> None:
+    async def _check(
+        self, caller: Caller, right: Right, connection: HTTPConnection, *, sends: bool = False
+    ) -> None:
         """Ask for a right on what a request is about: its robots, or the station as a whole."""
         has_for_all = caller.rights.may(right)
         if not has_for_all and not caller.rights.by_robot:
             raise _lacking(caller)
-        if has_for_all and not self._checks:
+        if has_for_all and not sends:
             return
         try:
             subjects = await self._subjects.of(connection)
@@ -188,9 +230,11 @@ class Guard:
             if not _may(caller, Right.VIEW, subject.robots):
                 raise UnknownIdError(subject.kind, subject.identity)
         robots = frozenset[str]().union(*(subject.robots for subject in subjects))
-        if subjects:
+        if subjects or sends:
             is_of_station = any(not subject.robots for subject in subjects)
-            await self.check_robots(caller, right, robots, connection, also_station=is_of_station)
+            await self.check_robots(
+                caller, right, robots, connection, also_station=is_of_station, sends=sends
+            )
 
     async def check_robots(
         self,
@@ -200,8 +244,11 @@ class Guard:
         connection: HTTPConnection,
         *,
         also_station: bool = False,
+        sends: bool = False,
     ) -> None:
         """Ask for a right on robots; for a route that finds them in its body alone.
+
+        Where it ``sends`` them something, ``RobotCheck`` are asked too.
 
         Raises:
             UnknownIdError: If the caller may not see one of them.
@@ -216,7 +263,7 @@ class Guard:
                 raise Problem(403, f"{caller.name} is a {role} of {robot} and may not do this.")
         if (also_station or not robots) and not rights.may(right):
             raise _lacking(caller)
-        if robots:
+        if sends:
             ask = RobotAsk(caller, right, frozenset(robots), connection)
             for check in self._checks:
                 await check(ask)

@@ -5,6 +5,7 @@ from server.access import people_route, session_route
 from server.access.access import Access
 from server.access.failure import SignInFailures
 from server.access.guard import Guard
+from server.access.presence import Presence
 from server.access.stream import SignInWatch, Tickets
 from server.access.subject import Subjects
 from server.access.throttle import KnownBrowsers
@@ -22,9 +23,10 @@ def install(foundation: Foundation) -> None:
     foundation.lifetime.on_start(failures.forget)
     foundation.lifetime.run("sign-ins", access.run)
     foundation.services.add(access)
-    watch = foundation.services.add(SignInWatch(access))
+    presence = foundation.services.add(Presence(foundation.bus))
+    watch = foundation.services.add(SignInWatch(access, presence))
     foundation.lifetime.run("sign-ins in use", watch.run)
     tickets = foundation.services.add(Tickets(access))
     subjects = foundation.services.add(Subjects(store))
     subjects.add_details("name", "token")
-    foundation.services.add(Guard(access, tickets, settings, subjects))
+    foundation.services.add(Guard(access, tickets, settings, subjects, presence))

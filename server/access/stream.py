@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from db.fault import StoreError
 from robot_link.clock import monotonic_s
 from server.access.access import Access, Caller, Proof
+from server.access.presence import Presence
 from server.access.secret import new_secret, secret_hash
 
 Direction: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
@@ -71,7 +72,8 @@ class SignInWatch:
     streams.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Access, presence: Presence) -> None:
+        self.presence = presence
         self.streams: Counter[str] = Counter()
         """How many streams are open, by the name of who opened them."""
         self._access = access
@@ -122,7 +124,7 @@ async def serve_stream(
     if watch.streams[caller.name] >= STREAMS_MAX:
         await websocket.close(status.WS_1013_TRY_AGAIN_LATER)
         return
-    with watch.watching(caller) as ended:
+    with watch.watching(caller) as ended, watch.presence.present(caller):
         watch.streams[caller.name] += 1
         try:
             await _serve_until(ended, websocket, name, directions)

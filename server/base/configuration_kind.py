@@ -24,6 +24,7 @@ from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.automation_config import AutomationConfig
 from robot_link.checklist_config import ChecklistConfig
+from robot_link.lease_config import LeaseConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from robot_link.standard_config import StandardCommandConfig
 from server.base.problem import not_found
@@ -168,6 +169,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("automation", "Automatic sends", AutomationConfig()),
             _same_for_all("checklist", "Checklists", ChecklistConfig()),
+            _same_for_all("lease", "Pilot in charge", LeaseConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )
@@ -177,7 +179,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
 
 
 FOREIGN_KINDS = frozenset(
-    ("standard_commands", "field", "current_map", "battery", "link", "checklist")
+    ("standard_commands", "field", "current_map", "battery", "link", "checklist", "lease")
 )
 """What can be set of a vehicle of another maker, which takes no plans of ours."""
 

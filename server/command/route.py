@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query
 
 from robot_link.messages import CommandKind
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import InChargeOf, PilotAtOnce, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, period_of, service
 from server.base.view import Body, View
@@ -41,13 +41,20 @@ class CommandIdView(View):
 
 @router.post("/robots/{robot}/commands", status_code=202)
 async def create_command(
-    caller: Pilot, robot: str, body: CommandRequest, commands: CommandsDep
+    caller: PilotAtOnce,
+    robot: str,
+    body: CommandRequest,
+    commands: CommandsDep,
+    in_charge_of: InChargeOf,
 ) -> CommandIdView:
     """Send an order; the answer says that it was written down, not that anyone has it.
 
-    409 if the robot has no link of the route that is asked for.
+    409 if the robot has no link of the route that is asked for, or somebody else is in charge of
+    it. To ``surface`` a robot is every pilot's right at any time.
     """
     kind = CommandKind(body.kind)
+    if kind is not CommandKind.SURFACE:
+        await in_charge_of((robot,))
     command = await commands.send(robot, kind, by=caller.name, requested=body.route)
     return CommandIdView(command)
 

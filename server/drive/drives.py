@@ -20,6 +20,8 @@ from server.fleet.capability import drive_refusal, refuse_unless_able
 from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
 from server.fleet.words import sentence
+from server.lease.hold import HoldChanged
+from server.lease.state import LeaseChanged
 
 State = Literal["beginning", "driving", "ended"]
 _CANNOT: Final = "the robot cannot do this now"
@@ -50,6 +52,7 @@ class Drive:
         client: What reaches it.
         begun_at: The clock now.
         answers_sticks: Whether it answers each stick; vehicles of other makers do not.
+        is_script: Whether the driver is a program.
     """
 
     def __init__(
@@ -60,8 +63,10 @@ class Drive:
         begun_at: datetime,
         *,
         answers_sticks: bool,
+        is_script: bool = False,
     ) -> None:
         self.robot, self.driver, self.begun_at = robot, driver, begun_at
+        self.is_script = is_script
         self.client = client
         self.latency = LatencyWatch()
         self.state: State = "beginning"
@@ -176,7 +181,7 @@ class Drives:
             dropped=drive.dropped,
         )
 
-    async def begin(self, robot: str, by: str) -> Drive:
+    async def begin(self, robot: str, by: str, *, is_script: bool = False) -> Drive:
         """Have somebody drive a robot; it listens to sticks when this returns.
 
         Raises:
@@ -195,7 +200,9 @@ class Drives:
             raise conflict(sentence(error)) from error
         answers = not status.record.is_foreign
         now = self._foundation.clock.now()
-        drive = Drive(status.record.id, by, client, now, answers_sticks=answers)
+        drive = Drive(
+            status.record.id, by, client, now, answers_sticks=answers, is_script=is_script
+        )
         self._drives[robot] = drive
         self._fleet.set_driver(robot, by)
         try:
@@ -242,6 +249,22 @@ class Drives:
         """End the drive of a robot from elsewhere, such as by an order; without one do nothing."""
         if (drive := self._drives.get(robot)) is not None:
             drive.end(reason)
+
+    def take_lease(self, event: LeaseChanged) -> None:
+        """Take that a robot is another's: who drove it drives it no more."""
+        drive, lease = self._drives.get(event.lease.robot), event.lease
+        if drive is None:
+            return
+        kind = "script" if drive.is_script else "person"
+        holds = (lease.holder, lease.holder_kind) == (drive.driver, kind)
+        if not holds and not (drive.is_script and lease.script == drive.driver):
+            drive.end(f"{drive.driver} is not in charge of {drive.robot} any more.")
+
+    def take_hold(self, event: HoldChanged) -> None:
+        """Take that automation is held: no program drives a robot."""
+        for drive in self._drives.values():
+            if event.hold.is_held and drive.is_script:
+                drive.end(event.hold.text)
 
     def _forget(self, drive: Drive) -> None:
         if self._drives.get(drive.robot) is drive:

@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from db.fault import StoreUnavailableError
 from robot_link.drive import Stick
 from server.access.access import Caller
-from server.access.dependency import SignInWatchDep, Viewer, WebSocketPilot
+from server.access.dependency import GuardDep, SignInWatchDep, Viewer, WebSocketPilot
+from server.access.role import Right
 from server.access.stream import SignInWatch, serve_stream
 from server.base.dependency import service
 from server.base.problem import Problem
@@ -45,16 +46,21 @@ async def drive(
     websocket: WebSocket,
     caller: WebSocketPilot,
     watch: SignInWatchDep,
+    guard: GuardDep,
     drives: DrivesDep,
     robot: str,
 ) -> None:
     """Let the caller drive: opening it begins, closing it ends, and each message is a stick.
 
-    Whoever may not is told why (``DriveView``, *ended*), and the socket is closed with 4409.
+    They must be in charge of the robot, and are from then on if nobody was. Whoever may not is told
+    why (``DriveView``, *ended*), and the socket is closed with 4409.
     """
     await websocket.accept()
     try:
-        begun = await drives.begin(robot, caller.name)
+        guard.check_script(caller)
+        await guard.check_robots(caller, Right.PILOT, (robot,), websocket, sends=True)
+        is_script = caller.proof.kind == "token"
+        begun = await drives.begin(robot, caller.name, is_script=is_script)
     except (Problem, StoreUnavailableError) as error:
         reason = error.detail if isinstance(error, Problem) else sentence(error)
         await websocket.send_text(_encoder.encode(refused(robot, reason)).decode())
@@ -83,6 +89,7 @@ async def _serve(
                 continue
             try:
                 begun.steer(*_stick(text))
+                watch.presence.note(caller, is_change=True)
             except ValueError as error:
                 begun.end(f"A stick was refused: {error}")
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse
 from pydantic import Field
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, service
 from server.base.view import Body, View
@@ -106,7 +106,7 @@ async def read_parameters(caller: Pilot, robot: str, parameters: ParametersDep) 
 
 @router.put("/parameters/{name}")
 async def write_parameter(
-    caller: Pilot, robot: str, name: str, body: ParameterRequest, parameters: ParametersDep
+    caller: PilotInCharge, robot: str, name: str, body: ParameterRequest, parameters: ParametersDep
 ) -> ParameterView:
     """Set a parameter and answer with what the robot says that it is now."""
     return await parameters.write(robot, name, body.value, by=caller.name)

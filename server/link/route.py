@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 from pydantic import Field
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.problem import not_found
@@ -38,7 +38,11 @@ async def get_links(caller: Viewer, robot: str, fleet: FleetDep) -> list[RobotLi
 
 @router.post("/{robot}/links/plug")
 async def enable_link(
-    caller: Pilot, robot: str, body: PlugRequest, disabled_links: DisabledLinksDep, fleet: FleetDep
+    caller: PilotInCharge,
+    robot: str,
+    body: PlugRequest,
+    disabled_links: DisabledLinksDep,
+    fleet: FleetDep,
 ) -> list[RobotLinkView]:
     """Enable or disable a link; robots that share a radio share that.
 

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends
 from pydantic import Field
 
 from db.record import same
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View, one_of
@@ -81,7 +81,7 @@ async def get_waypoints(caller: Viewer, robot: str, waypoints: WaypointsDep) -> 
 
 @router.put("", status_code=202)
 async def put_waypoints(
-    caller: Pilot, robot: str, body: WaypointsBody, waypoints: WaypointsDep
+    caller: PilotInCharge, robot: str, body: WaypointsBody, waypoints: WaypointsDep
 ) -> JobIdView:
     """Put a mission on board and prove it by reading it back."""
     wanted = [same(Waypoint, one) for one in body.waypoints]

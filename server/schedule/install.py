@@ -7,6 +7,7 @@ from server.command.state import SurfaceOrdered
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
+from server.lease.hold import AutomationHold, HoldChanged
 from server.plan.ledger import PlanLedger
 from server.plan.state import PlanChanged
 from server.schedule import route
@@ -32,6 +33,7 @@ def install(foundation: Foundation) -> None:
             services.get(FleetViews),
             services.get(PlanLedger),
             services.get(Transfers),
+            services.get(AutomationHold),
         )
     )
 
@@ -45,6 +47,7 @@ def install(foundation: Foundation) -> None:
                 schedule.wake(status.record.id)
 
     bus.subscribe(ScheduleChanged, changed)
+    bus.subscribe(HoldChanged, lambda _: schedule.wake_all())
     bus.subscribe(SettingsChanged, settings_changed)
     bus.subscribe(RobotReported, lambda event: schedule.wake(event.robot))
     bus.subscribe(EventLogged, lambda event: schedule.wake(event.event.robot))

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 from pydantic import AwareDatetime
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import ClockDep, service
 from server.base.view import Body
@@ -38,7 +38,7 @@ class ScheduleRequest(Body):
 
 @router.post("/plans/{plan}/schedule", status_code=202)
 async def schedule_plan(
-    caller: Pilot, plan: str, body: ScheduleRequest, schedule: ScheduleDep
+    caller: PilotInCharge, plan: str, body: ScheduleRequest, schedule: ScheduleDep
 ) -> ScheduledSendView:
     """Have a draft sent at the next surfacing, at a time, on a condition, or after another plan.
 
@@ -70,7 +70,7 @@ async def get_schedule(
 
 @router.post("/schedule/{schedule_id}/cancel")
 async def cancel_scheduled(
-    caller: Pilot, schedule_id: str, schedule: ScheduleDep
+    caller: PilotInCharge, schedule_id: str, schedule: ScheduleDep
 ) -> ScheduledSendView:
     """Have a plan not sent by itself any more; what is on its way is withdrawn."""
     return send_view(await schedule.cancel(schedule_id, by=caller.name))

@@ -27,6 +27,7 @@ from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 from server.fleet.routing import RequestedLink
 from server.fleet.words import clock_time
+from server.lease.hold import AutomationHold
 from server.link.moments import SURFACED
 from server.plan.ledger import PlanLedger
 from server.schedule.condition import (
@@ -84,7 +85,9 @@ class Schedule:
         views: FleetViews,
         ledger: PlanLedger,
         transfers: Transfers,
+        hold: AutomationHold,
     ) -> None:
+        self._hold = hold
         self._store = foundation.store
         self._clock = foundation.clock
         self._alarms = foundation.alarms
@@ -98,6 +101,11 @@ class Schedule:
         self._again_at: dict[str, datetime] = {}
         """When one that is due and was not sent may be, by time alone."""
         self._looks = Wakeups(foundation.clock, _REST_S)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether nothing may be sent or suggested by itself now."""
+        return self._hold.is_held
 
     async def load(self) -> None:
         """Take up what waited when the station stopped."""
@@ -119,6 +127,11 @@ class Schedule:
         """Look again at what waits for a robot: something about it changed."""
         if robot is not None and self._open.get(robot):
             self._looks.wake(robot)
+
+    def wake_all(self) -> None:
+        """Look again at all that waits, such as after automation was held."""
+        for robot in self._open:
+            self.wake(robot)
 
     async def run(self) -> None:
         """Send and drop until cancelled."""
@@ -302,6 +315,8 @@ class Schedule:
 
     async def _held(self, send: ScheduledSend) -> str:
         """Return why it is not sent now although it is due, or ""."""
+        if self.is_held:
+            return f"held: {self._hold.view.text}"
         found = await self.allowance(send.robot)
         if found.is_free:
             return ""

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 from pydantic import Field, field_validator
 
-from server.access.dependency import Pilot
+from server.access.dependency import Pilot, PilotInCharge
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body
@@ -59,7 +59,7 @@ async def start_advice(
 
 @router.post("/accept")
 async def accept_advice(
-    caller: Pilot, robot: str, body: TrimAcceptance, trim: TrimAdvicesDep
+    caller: PilotInCharge, robot: str, body: TrimAcceptance, trim: TrimAdvicesDep
 ) -> TrimView:
     """Change the trim by half of an advice's step, or all of it; the answer says when it arrives.
 

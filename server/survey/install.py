@@ -5,6 +5,7 @@ from server.base.foundation import Foundation
 from server.checklist.gate import StartGate
 from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
+from server.lease.hold import AutomationHold, HoldChanged
 from server.link.event import PlanReported
 from server.map.field_maps import FieldMaps
 from server.plan.ledger import PlanLedger, PlanOutdated
@@ -42,7 +43,15 @@ def install(foundation: Foundation) -> None:
     )
     steps = SurveySteps(foundation, fleet, missions, plans, planning, transfers, quality)
     surveys = services.add(
-        Surveys(foundation, missions, planning, transfers, steps, services.get(StartGate))
+        Surveys(
+            foundation,
+            missions,
+            planning,
+            transfers,
+            steps,
+            services.get(StartGate),
+            services.get(AutomationHold),
+        )
     )
     services.add(FleetSurveys(fleet, surveys))
 
@@ -55,6 +64,7 @@ def install(foundation: Foundation) -> None:
         surveys.robot_said_more(event.report.robot)
 
     bus.subscribe(PlanReported, plan_reported)
+    bus.subscribe(HoldChanged, surveys.take_hold)
     bus.subscribe(PlanOutdated, lambda event: missions.robot_said_more(event.robot))
     bus.subscribe(PlanChanged, missions.plan_changed)
     bus.subscribe(MissionChanged, show)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query
 from pydantic import Field, field_validator
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import InChargeOf, Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
@@ -59,9 +59,15 @@ class MissionIdView(View):
 
 @router.post("/robots/{robot}/missions", status_code=202)
 async def create_mission(
-    caller: Pilot, robot: str, body: MissionRequest, surveys: SurveysDep
+    caller: Pilot,
+    robot: str,
+    body: MissionRequest,
+    surveys: SurveysDep,
+    in_charge_of: InChargeOf,
 ) -> MissionIdView:
     """Begin a survey: its first round is planned and then waits for `start`."""
+    if body.automation:
+        await in_charge_of((robot,))
     return MissionIdView(
         await surveys.create(robot, body.config, automation=body.automation, by=caller.name)
     )
@@ -91,7 +97,7 @@ async def get_mission(caller: Viewer, mission: str, missions: MissionLedgerDep) 
 
 @router.post("/missions/{mission}/start", status_code=202)
 async def start_mission(
-    caller: Pilot, mission: str, surveys: SurveysDep, body: StartRequest | None = None
+    caller: PilotInCharge, mission: str, surveys: SurveysDep, body: StartRequest | None = None
 ) -> MissionIdView:
     """Send and start the draft, and each further round, until the budget is spent.
 
@@ -104,7 +110,7 @@ async def start_mission(
 
 
 @router.post("/missions/{mission}/stop", status_code=202)
-async def stop_mission(caller: Pilot, mission: str, surveys: SurveysDep) -> MissionIdView:
+async def stop_mission(caller: PilotInCharge, mission: str, surveys: SurveysDep) -> MissionIdView:
     """End the automation; the draft stays, and the robot finishes the plan that it flies."""
     await surveys.stop(mission, by=caller.name)
     return MissionIdView(mission)

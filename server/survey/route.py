@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 from pydantic import Field
 
-from server.access.dependency import Pilot, PilotOf
+from server.access.dependency import InChargeOf, Pilot, PilotOf
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
@@ -44,13 +44,17 @@ class SurveyView(View):
 
 @router.post("/surveys", status_code=202)
 async def create_survey(
-    caller: Pilot, body: SurveyRequest, pilot_of: PilotOf, surveys: FleetSurveysDep
+    caller: Pilot,
+    body: SurveyRequest,
+    pilot_of: PilotOf,
+    in_charge_of: InChargeOf,
+    surveys: FleetSurveysDep,
 ) -> SurveyView:
     """Begin a survey of several robots, planned in turn against the joint map and each other.
 
     422 names each robot that does not fit; nothing is begun then.
     """
-    await pilot_of(body.robots)
+    await (in_charge_of if body.automation else pilot_of)(body.robots)
     missions = await surveys.create(
         body.robots, body.config, automation=body.automation, by=caller.name
     )

@@ -22,6 +22,7 @@ from server.base.retry_queue import until_stored
 from server.base.wakeups import Wakeups
 from server.checklist.gate import Overrule, StartGate
 from server.command.state import SurfaceOrdered
+from server.lease.hold import AutomationHold, HoldChanged
 from server.plan.planning import Planning
 from server.plan.search.request import SearchRequest
 from server.plan.search.survey_round import ENDED_BADLY, config_of_round, survey_status
@@ -52,9 +53,11 @@ class Surveys:
         transfers: Transfers,
         steps: SurveySteps,
         gate: StartGate,
+        hold: AutomationHold,
     ) -> None:
         self._gate = gate
         self._foundation = foundation
+        self._hold = hold
         self._missions = missions
         self._planning = planning
         self._transfers = transfers
@@ -74,6 +77,11 @@ class Surveys:
         for mission in await self._missions.open():
             self._kick(mission.id)
             self._ahead.wake(mission.robot)
+
+    def take_hold(self, event: HoldChanged) -> None:
+        """Take that automation is held, which a look finds, or goes on."""
+        if not event.hold.is_held:
+            self._foundation.background.start("surveys that were held", self.resume())
 
     async def run(self) -> None:
         """Plan rounds ahead of robots that say nothing under water, until cancelled."""
@@ -302,6 +310,8 @@ class Surveys:
                 return
 
     async def _advance(self, mission: str) -> None:
+        if self._hold.is_held and (await self._missions.get(mission)).automation:
+            return  # every survey is looked at again once automation goes on
         try:
             if await self._steps.take(mission):
                 self._again.add(mission)

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header, Query, Response
 from db.query.fleet.robots import list_robots
 from db.query.station.configurations import configuration_history, get_configuration
 from db.record import same
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import PilotInCharge, Viewer
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import KINDS, find_kind, fits
 from server.base.dependency import FoundationDep, StoreDep
@@ -133,7 +133,7 @@ async def get_history(
 
 @router.patch("/{kind}")
 async def patch_config(
-    caller: Pilot,
+    caller: PilotInCharge,
     kind: str,
     patch: SettingsPatch,
     foundation: FoundationDep,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends
 from pydantic import Field
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View
@@ -67,7 +67,7 @@ async def quote_plan(caller: Viewer, plan: str, transfers: TransfersDep) -> Sate
 
 @router.post("/plans/{plan}/upload", status_code=202, tags=["plans"])
 async def upload_plan(
-    caller: Pilot, plan: str, transfers: TransfersDep, body: UploadRequest | None = None
+    caller: PilotInCharge, plan: str, transfers: TransfersDep, body: UploadRequest | None = None
 ) -> TransferIdView:
     """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
 
@@ -95,6 +95,8 @@ async def get_transfer(caller: Viewer, transfer: str, transfers: TransfersDep) -
 
 
 @router.post("/transfers/{transfer}/withdraw")
-async def withdraw_transfer(caller: Pilot, transfer: str, transfers: TransfersDep) -> TransferView:
+async def withdraw_transfer(
+    caller: PilotInCharge, transfer: str, transfers: TransfersDep
+) -> TransferView:
     """Withdraw a transfer that has not arrived; what a gateway took may still reach the robot."""
     return await transfers.withdraw_transfer(transfer, by=caller.name)

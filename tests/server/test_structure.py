@@ -12,12 +12,12 @@ from pathlib import Path
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
-    "link", "satellite", "command", "drive", "current", "map", "tag", "battery", "plan",
+    "link", "satellite", "lease", "command", "drive", "current", "map", "tag", "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
     "prediction", "alarm", "notice", "scene", "recording", "logbook", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
-ARROWS_MAX = 160
+ARROWS_MAX = 175
 FILES_MAX = 25
 STATION_LINES_MAX = 170
 

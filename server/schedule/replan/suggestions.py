@@ -174,6 +174,9 @@ class Suggestions:
 
     async def _at_surfacing(self, robot: str) -> None:
         """Suggest at a surfacing if the robot's settings want it; silent where nothing can be."""
+        if self._schedule.is_held:
+            log.info("no suggestion for %s: automation is held", robot)
+            return
         config = (await self._schedule.allowance(robot)).config
         hand = self._fleet.status(robot).plan
         if config.suggestions == "asked" or hand is None:

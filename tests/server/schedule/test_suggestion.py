@@ -12,6 +12,7 @@ from robot_link.messages import LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
 from server.base import wakeups
 from server.base.worker import WorkerPool, WorkerTaskError
+from server.lease.hold import AutomationHold
 from server.schedule.replan import opportunity, suggestions
 from server.schedule.replan.problem import Judged, SuggestionFound, SuggestionProblem
 from tests.server.conftest import FAST, GRACE, MINI, api_client, open_station, until
@@ -254,6 +255,23 @@ async def test_surfacing_is_reason_enough_and_the_settings_can_forbid_it(client,
     assert found["plan"] is not None
     assert len(world.uploads) == 1
     assert "a person sends them" in found["automation"]["text"]
+
+
+async def test_surfacing_is_no_occasion_while_automation_is_held(client, station, world, workers):
+    switch = station.foundation.services.get(AutomationHold)
+    await flying(client, world)
+    dive(world)
+    await until(lambda: _state(client, "closed"))
+    await switch.set(held=True, by="ann")
+    surface(world)
+    await until(lambda: _state(client, "open"))
+    assert workers.asked == []
+    await switch.set(held=False, by="ann")
+    dive(world, leg=2)
+    await until(lambda: _state(client, "closed"))
+    surface(world, leg=4)
+    await suggested(client, "replace")
+    assert len(workers.asked) == 1
 
 
 async def test_sent_by_itself_within_the_limit_of_the_hour_alone(client, world, workers):

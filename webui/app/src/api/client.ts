@@ -5,6 +5,7 @@ import { done, newKey, of, told, versioned } from './call';
 import { ChannelApi } from './channel';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
+import { LeaseApi } from './lease';
 import { LogBookApi } from './log_book';
 import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
@@ -78,6 +79,7 @@ export class Api {
   robots = () => told(this.#http.GET('/api/robots'));
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
+  readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);

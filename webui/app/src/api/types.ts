@@ -15,6 +15,7 @@ import type {
   ScoresView,
   UploadRequest,
   AlarmView,
+  LeaseChange,
 } from './generated/station';
 
 export type {
@@ -83,6 +84,8 @@ export type {
   HealthView as Health,
   IncomingMessageView as IncomingMessage,
   JobView as Job,
+  HoldView as Hold,
+  LeaseView as Lease,
   KindView as ConfigKind,
   LadderView as PlanLadder,
   LegView as Leg,
@@ -153,6 +156,7 @@ export type NorthEast = readonly [north: number, east: number];
 export type Grid<T = number> = readonly (readonly (T | null)[])[];
 
 export type AlarmLevel = AlarmView['level'];
+export type LeaseAct = LeaseChange['act'];
 export type CommandKind = CommandRequest['kind'];
 export type CommandLevelName = CommandView['level'];
 export type LinkKind = RobotLinkView['kind'];

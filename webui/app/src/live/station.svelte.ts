@@ -18,6 +18,7 @@ import type {
 } from '../api/types';
 import { StationClock } from './clock';
 import { Fetched } from './fetched.svelte';
+import { Leases } from './lease.svelte';
 import { LiveSocket } from './socket';
 
 const KEPT_EVENTS = 400;
@@ -39,6 +40,8 @@ export type BatchReader = (batch: LiveBatch, isFirst: boolean) => void;
 export class Station {
   readonly api = new Api();
   readonly clock = new StationClock();
+  /** Who is in charge of which robot, and whether automation is held. */
+  readonly leases = new Leases(this.api);
 
   /** `undefined` while the station is being asked, `null` when nobody is signed in. */
   session = $state.raw<Session | null | undefined>(undefined);
@@ -113,6 +116,12 @@ export class Station {
   readonly now = $derived(this.clock.at(this.localNow));
   readonly mayCommand = $derived(this.session?.role === 'pilot' || this.session?.role === 'admin');
 
+  /** Why this person can send a robot nothing now, one sentence; empty where they can. */
+  whyNotSend(robot: string): string {
+    if (!this.mayCommand) return 'Sending needs the role of a pilot.';
+    return this.leases.of(robot)?.refusal ?? '';
+  }
+
   /** Ask who is signed in and, when someone is, start the live stream. */
   async begin(): Promise<void> {
     try {
@@ -129,7 +138,7 @@ export class Station {
     }
     this.#stop();
     this.#clockwork = setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS);
-    const all = [this.#robots, this.#alarms, this.#channels, this.#faults];
+    const all = [this.#robots, this.#alarms, this.#channels, this.#faults, this.leases];
     const stop = all.map((one) => one.follow());
     this.#unfollow = () => stop.forEach((end) => end());
     this.#socket.open();
@@ -239,6 +248,7 @@ export class Station {
       this.#alarms.follow();
       this.#channels.follow();
       this.#faults.follow();
+      this.leases.follow();
     }
     this.#isFirst = this.#hasOpened = true;
   }
@@ -265,6 +275,7 @@ export class Station {
     if ('alarms' in tick.changed) this.#alarms.follow();
     if ('channels' in tick.changed) this.#channels.follow();
     if ('demo' in tick.changed) this.#faults.follow();
+    this.leases.take(tick.changed);
     for (const reader of this.#readers) reader(tick, isFirst);
   }
 

@@ -1,0 +1,70 @@
+import type { Api } from '../api/client';
+import type { Hold, Lease } from '../api/types';
+import { Fetched } from './fetched.svelte';
+
+/** A lease as it was told, and when that was, so that its ages count on by the local clock. */
+export interface ToldLease extends Lease {
+  /** Local `performance.now()` of the answer; ages are the station's, this only counts on. */
+  receivedAt: number;
+}
+
+/** Who is in charge of which robot, and whether automation is held; read anew as they change. */
+export class Leases {
+  readonly #leases: Fetched<readonly ToldLease[]>;
+  readonly #hold: Fetched<Hold>;
+
+  constructor(api: Api) {
+    this.#leases = new Fetched(async () => {
+      const leases = await api.lease.leases();
+      const receivedAt = performance.now();
+      return leases.map((lease) => ({ ...lease, receivedAt }));
+    }, 100);
+    this.#hold = new Fetched(() => api.lease.automation(), 100);
+  }
+
+  readonly all = $derived.by((): readonly ToldLease[] => this.#leases.value ?? []);
+  readonly mine = $derived.by(() => this.all.filter(({ is_mine }) => is_mine));
+  /** Robots of mine that somebody else asks for. */
+  readonly asked = $derived.by(() => this.mine.filter(({ request }) => request !== null));
+  readonly hold = $derived.by((): Hold | null => this.#hold.value);
+
+  of(robot: string | null): ToldLease | null {
+    return this.all.find((lease) => lease.robot === robot) ?? null;
+  }
+
+  /** Follow both until the returned function is called. */
+  follow(): () => void {
+    const ends = [this.#leases.follow(), this.#hold.follow()];
+    return () => ends.forEach((end) => end());
+  }
+
+  /** Read again what the live stream says has changed. */
+  take(changed: Readonly<Record<string, number>>): void {
+    if ('leases' in changed) this.#leases.follow();
+    if ('automation' in changed) this.#hold.follow();
+  }
+
+  /** Do something with a lease, and read them again at once. */
+  readonly load = (): Promise<void> => this.#leases.load();
+}
+
+/** Seconds for which nothing was seen of who is in charge, as they count on now. */
+export function silentNow(lease: ToldLease, localNow: number): number {
+  if (lease.silent_s === 0) return 0;
+  return lease.silent_s + Math.max(0, localNow - lease.receivedAt) / 1000;
+}
+
+/** `ann is in charge, silent for 4 min`: for the header and the cards. */
+export function chargeText(lease: ToldLease | null, localNow: number): string {
+  if (lease === null) return '';
+  if (lease.state === 'free') return 'Nobody is in charge';
+  if (lease.is_mine) return 'You are in charge';
+  const who = lease.holder_kind === 'script' ? `script ${lease.holder}` : lease.holder;
+  const silent = silentNow(lease, localNow);
+  return silent < 60 ? `${who} is in charge` : `${who} is in charge, silent for ${minutes(silent)}`;
+}
+
+export function minutes(seconds: number): string {
+  const whole = Math.floor(seconds / 60);
+  return whole < 1 ? 'less than a minute' : whole < 120 ? `${whole} min` : `${Math.floor(whole / 60)} h`;
+}

@@ -1,0 +1,42 @@
+import { describe, expect, it } from 'vitest';
+import { chargeText, minutes, silentNow, type ToldLease } from './lease.svelte';
+
+const HELD: ToldLease = {
+  robot: 'mini-1',
+  state: 'held',
+  holder: 'ann',
+  holder_kind: 'person',
+  is_mine: false,
+  since: '2026-05-04T06:00:00Z',
+  reason: '',
+  silent_s: 0,
+  is_silent: false,
+  request: null,
+  script: '',
+  asking: null,
+  refusal: 'ann is in charge of mini-1; request it from them first.',
+  receivedAt: 1000,
+};
+
+describe('who is in charge', () => {
+  it('is said in few words', () => {
+    expect(chargeText(null, 1000)).toBe('');
+    expect(chargeText({ ...HELD, state: 'free', holder: '' }, 1000)).toBe('Nobody is in charge');
+    expect(chargeText({ ...HELD, is_mine: true }, 1000)).toBe('You are in charge');
+    expect(chargeText(HELD, 1000)).toBe('ann is in charge');
+    expect(chargeText({ ...HELD, holder_kind: 'script' }, 1000)).toBe('script ann is in charge');
+  });
+
+  it('counts silence on from the age that the station told, by no clock of its own', () => {
+    const silent = { ...HELD, silent_s: 200 };
+    expect(silentNow(silent, 41_000)).toBe(240);
+    expect(chargeText(silent, 41_000)).toBe('ann is in charge, silent for 4 min');
+    expect(silentNow(HELD, 900_000)).toBe(0);
+  });
+
+  it('rounds a time down to what has passed', () => {
+    expect(minutes(59)).toBe('less than a minute');
+    expect(minutes(119)).toBe('1 min');
+    expect(minutes(3 * 3600)).toBe('3 h');
+  });
+});
