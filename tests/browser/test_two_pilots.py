@@ -8,7 +8,6 @@ from playwright.sync_api import expect
 
 from tests.browser.person import Person
 from tests.browser.walk import CHROMIUM, hold, open_page
-from tests.e2e.demo import DIVE
 
 pytestmark = [
     pytest.mark.browser,
@@ -17,6 +16,7 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
 PASSWORD = "a long pass phrase"
+DIVE = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, d]} for d in (0.5, 0.0)]}
 
 
 @contextmanager

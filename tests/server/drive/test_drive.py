@@ -16,8 +16,10 @@ from server.access.role import Role
 from server.drive.route import REFUSED
 from server.fleet.capability import SPEED_MAX, drive_refusal
 from server.fleet.fleet import Fleet
+from server.lease.hold import AutomationHold
 from tests.server.conftest import GRACE, MINI, api_client, until
 from tests.server.fake_link import state_report
+from tests.server.lease.conftest import act, person_at
 from tests.server.station_app import token_of
 
 AHEAD = {"forward": 1.0, "turn": -0.5, "up": 0.0}
@@ -37,11 +39,10 @@ async def header(client, role=Role.PILOT, name="bob"):
 
 
 @asynccontextmanager
-async def cockpit(client, address, robot=MINI, **who):
+async def cockpit(client, address, robot=MINI, headers=None, **who):
     uri = f"ws://{address}/api/robots/{robot}/drive"
-    async with websockets.connect(
-        uri, additional_headers=await header(client, **who), compression=None
-    ) as socket:
+    headers = headers or await header(client, **who)
+    async with websockets.connect(uri, additional_headers=headers, compression=None) as socket:
         yield socket
 
 
@@ -105,13 +106,14 @@ async def test_driver_is_told_to_everybody_who_watches(client, address, ready, s
     await until(lambda: fleet.status(MINI).driver == "")
 
 
-async def test_one_person_at_a_time_drives(client, address, ready):
-    async with cockpit(client, address) as first:
+async def test_only_who_is_in_charge_drives_and_may_again(client, address, ready):
+    bob = await header(client)
+    async with cockpit(client, address, headers=bob) as first:
         await told(first, lambda word: word["state"] == "driving")
         async with cockpit(client, address, name="eve") as second:
             word = json.loads(await second.recv())
             assert word["state"] == "ended"
-            assert "bob drives" in word["reason"]
+            assert "bob is in charge of mini-1" in word["reason"]
             with pytest.raises(websockets.ConnectionClosed):
                 await second.recv()
             assert second.close_code == REFUSED
@@ -119,8 +121,35 @@ async def test_one_person_at_a_time_drives(client, address, ready):
         await told(first, lambda word: word["newest"])
         assert ready.is_driven
     await until(lambda: is_free(client))
-    async with cockpit(client, address, name="eve") as third:
-        await told(third, lambda word: word["state"] == "driving")
+    async with cockpit(client, address, headers=bob) as again:
+        await told(again, lambda word: word["state"] == "driving")
+        async with cockpit(client, address, headers=bob) as second:
+            assert "bob drives" in json.loads(await second.recv())["reason"]
+
+
+async def test_a_drive_ends_once_somebody_else_is_in_charge(client, address, ready, station):
+    """A script drives; a person takes charge at once, and it drives no more."""
+    async with cockpit(client, address) as socket:
+        await told(socket, lambda word: word["state"] == "driving")
+        async with person_at(station, "ann") as ann:
+            assert (await act(ann, "take")).json()["is_mine"]
+        last = await told(socket, lambda word: word["state"] == "ended")
+        assert last["reason"] == "bob is not in charge of mini-1 any more."
+    await until(lambda: not ready.is_driven)
+
+
+async def test_no_script_drives_while_automation_is_held(client, address, ready, station):
+    switch = station.foundation.services.get(AutomationHold)
+    async with cockpit(client, address) as socket:
+        await told(socket, lambda word: word["state"] == "driving")
+        await switch.set(held=True, by="ann")
+        last = await told(socket, lambda word: word["state"] == "ended")
+        assert last["reason"] == "ann holds the automation of the station."
+    await until(lambda: not ready.is_driven)
+    async with cockpit(client, address) as socket:
+        word = json.loads(await socket.recv())
+        assert (word["state"], word["driver"]) == ("ended", "")
+        assert word["reason"].startswith("ann holds the automation")
 
 
 async def test_old_sticks_are_dropped_while_the_radio_is_busy(client, address, ready):
