@@ -66,5 +66,9 @@ export function chargeText(lease: ToldLease | null, localNow: number): string {
 
 export function minutes(seconds: number): string {
   const whole = Math.floor(seconds / 60);
-  return whole < 1 ? 'less than a minute' : whole < 120 ? `${whole} min` : `${Math.floor(whole / 60)} h`;
+  return whole < 1
+    ? 'less than a minute'
+    : whole < 120
+      ? `${whole} min`
+      : `${Math.floor(whole / 60)} h`;
 }
