@@ -539,6 +539,17 @@ _HOUSEKEEPING = (
         alarms=(AlarmLimit("critical", high=110.0), AlarmLimit("warning", high=90.0)),
         help="Of the warmest motor's controller.",
     ),
+    _condition(
+        "depth_zero",
+        "Depth sensor's zero",
+        "m",
+        78,
+        low=-10.0,
+        high=10.0,
+        decimals=2,
+        help="What the depth sensor reads at the surface, taken off every depth since it was"
+        " zeroed.",
+    ),
 )
 
 _SALT = ("conductivity", "temperature", "pressure")

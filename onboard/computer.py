@@ -97,6 +97,9 @@ class Computer:
             program.take_plan(mission)
         self._flown = FlownPlan(None if memory is None else memory / "flown")
         _obey_kept_quiet(memory, program)
+        if memory is not None:
+            zero = FileValues(memory / "depth_zero.json")
+            program.depth_zero.restore(zero.load(), zero.save)
         self._noted = program.executive.mode, program.executive.plan_state
         self._noted_plan = program.executive.plans_begun
         self.link = RobotLink(

@@ -15,6 +15,7 @@ from autonomy.tracking.config import RangingConfig
 from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.actuator_watch import Actuator, ActuatorBelief
+from onboard.flight.depth_zero import DepthZero
 from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
@@ -141,7 +142,9 @@ class OnboardProgram:
         self._hardware = hardware
         self._started_at = started_at
         self._steps = 0
-        self._readings = hardware.read()
+        self.depth_zero = DepthZero()
+        """What its depth sensor reads at the surface."""
+        self._readings = self.depth_zero.corrected(hardware.read())
         self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
         pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
@@ -222,7 +225,19 @@ class OnboardProgram:
         """Act on a command."""
         if kind is CommandKind.START and (self.estimate.readings.battery_fraction < RESERVE):
             return CommandOutcome.NOT_NOW
+        if kind is CommandKind.ZERO_DEPTH:
+            return self._zero_depth()
         return self.executive.obey(kind, plan_digits)
+
+    def _zero_depth(self) -> CommandOutcome:
+        """Take the depth sensor's reading as the surface, of a robot that lies still."""
+        is_busy = self.is_flying or self.executive.mode is not RobotMode.IDLE
+        if is_busy or not self.depth_zero.is_steady:
+            return CommandOutcome.NOT_NOW
+        if not self.depth_zero.take():
+            return CommandOutcome.IMPLAUSIBLE
+        self._next_condition_s = self.time_s
+        return CommandOutcome.DONE
 
     def begin_drive(self) -> CommandOutcome:
         """Let somebody drive the robot by hand: not while a mission runs, nor on the reserve."""
@@ -336,7 +351,7 @@ class OnboardProgram:
 
     def due_condition(self) -> Mapping[str, float] | None:
         """Return how the robot itself is, None where nothing new is to be said of it yet."""
-        condition = self._hardware.condition()
+        condition = self._condition()
         switches = {
             key for key, value in condition.items() if value and CHANNELS[key].kind == "switch"
         }
@@ -349,6 +364,11 @@ class OnboardProgram:
         self.newest_condition = condition, self.now
         self._next_condition_s = self.time_s + _CONDITION_EVERY_S
         return condition
+
+    def _condition(self) -> Mapping[str, float]:
+        """Return readings of the robot's own condition, with the depth sensor's zero once set."""
+        condition, offset_m = self._hardware.condition(), self.depth_zero.offset_m
+        return condition if offset_m is None else {**condition, "depth_zero": offset_m}
 
     @property
     def channel_table(self) -> ChannelTable:
@@ -405,7 +425,7 @@ class OnboardProgram:
 
     def _read(self, began_s: float) -> Estimate:
         """Read the sensors and return what the step that began then leads to."""
-        self._readings = self._hardware.read()
+        self._readings = self.depth_zero.corrected(self._hardware.read())
         readings = self.executive.trim.in_model_terms(self._readings)
         self._navigator.expect_current(self.executive.planned_current_ne_m_s)
         return self._navigator.step(readings, self._set_points, began_s)

@@ -94,6 +94,8 @@ class CommandKind(StrEnum):
     """Let the motors turn; like ``DISARM`` for vehicles of other makers alone."""
     DISARM = "disarm"
     """Stop the motors, wherever the vehicle is."""
+    ZERO_DEPTH = "zero_depth"
+    """Take the present reading of the depth sensor as the surface."""
 
 
 class CommandLevel(StrEnum):

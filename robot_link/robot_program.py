@@ -16,6 +16,8 @@ class CommandOutcome(StrEnum):
     WRONG_PLAN = "wrong_plan"
     """START named a plan that is not on board."""
     UNSUPPORTED = "unsupported"
+    IMPLAUSIBLE = "implausible"
+    """What a sensor reads cannot be what it was to be taken for."""
 
 
 class RobotProgram(Protocol):

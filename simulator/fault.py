@@ -36,6 +36,8 @@ class RobotFaults:
     """From this time on the battery has next to no charge."""
     gps_lost_s: float = math.inf
     """From this time on no fix comes, and no time by GPS."""
+    depth_off_s: float = math.inf
+    """From this time on the depth sensor reads ``DEPTH_OFF_M`` too much."""
 
     def true(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with the rates that it really has."""
@@ -91,6 +93,12 @@ CAUSED_FAULTS: Mapping[str, FaultKind] = {
     "battery": FaultKind(
         "battery_flat_s", "Flat battery", "the battery is flat", "the battery is a full one", True
     ),
+    "depth": FaultKind(
+        "depth_off_s",
+        "Depth sensor off zero",
+        "the depth sensor reads 0.20 m too much",
+        "the depth sensor reads as it was built to",
+    ),
     "gps": FaultKind(
         "gps_lost_s",
         "No position fixes",
@@ -102,6 +110,8 @@ CAUSED_FAULTS: Mapping[str, FaultKind] = {
 
 OXYGEN = ("dissolved_oxygen", "oxygen_saturation")
 """Channels of an optode."""
+DEPTH_OFF_M = 0.20
+"""What a depth sensor that is off its zero reads at the surface."""
 FLAT_FRACTION = 0.04
 """Charge of a battery that went flat."""
 _DRIFT_S = 1800.0

@@ -15,6 +15,7 @@ from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fault import (
+    DEPTH_OFF_M,
     FLAT_FRACTION,
     OXYGEN,
     FaultyActuators,
@@ -144,6 +145,8 @@ class SimulatedBody:
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
         readings = self.sensors.read(self.plant.time_s, self.plant.state, self.battery)
+        if self.plant.time_s >= self.faults.depth_off_s:
+            readings = replace(readings, depth_m=readings.depth_m + DEPTH_OFF_M)
         is_lost = self.plant.time_s >= self.faults.gps_lost_s
         return replace(readings, fix_ne_m=None) if is_lost else readings
 

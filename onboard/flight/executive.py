@@ -240,8 +240,8 @@ class Executive:
                 return CommandOutcome.DONE
             case CommandKind.START:
                 return self._start(plan_digits)
-            case CommandKind.ARM | CommandKind.DISARM:
-                return CommandOutcome.UNSUPPORTED
+            case CommandKind.ARM | CommandKind.DISARM | CommandKind.ZERO_DEPTH:
+                return CommandOutcome.UNSUPPORTED  # the last is the program's, which has the sensor
 
     def begin_drive(self, estimate: Estimate) -> bool:
         """Let somebody drive the robot by hand; tell whether that is possible now."""

@@ -17,6 +17,7 @@ _CODES = {
     CommandKind.START: grace.MAV_CMD_GRACE_START,
     CommandKind.QUIET: grace.MAV_CMD_GRACE_QUIET,
     CommandKind.PING: grace.MAV_CMD_GRACE_PING,
+    CommandKind.ZERO_DEPTH: grace.MAV_CMD_GRACE_ZERO_DEPTH,
 }
 _KINDS = {code: kind for kind, code in _CODES.items()}
 _RESULTS = {
@@ -24,6 +25,7 @@ _RESULTS = {
     CommandOutcome.NOT_NOW: grace.MAV_RESULT_TEMPORARILY_REJECTED,
     CommandOutcome.WRONG_PLAN: grace.MAV_RESULT_DENIED,
     CommandOutcome.UNSUPPORTED: grace.MAV_RESULT_UNSUPPORTED,
+    CommandOutcome.IMPLAUSIBLE: grace.MAV_RESULT_FAILED,
 }
 _EXACT = 2**24
 _HALF_DIGITS = PLAN_DIGITS // 2

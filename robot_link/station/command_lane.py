@@ -25,6 +25,21 @@ _REFUSALS = {
     grace.MAV_RESULT_UNSUPPORTED: "the robot does not know this command",
 }
 
+_OF_DEPTH = {
+    grace.MAV_RESULT_TEMPORARILY_REJECTED: "it flies, is driven, or moves up or down; it must lie"
+    " still at the surface",
+    grace.MAV_RESULT_FAILED: "its depth sensor reads above the surface, or more than 0.5 m below"
+    " it: it is under water, or the sensor is broken",
+}
+"""Of an order to zero the depth."""
+
+
+def _refusal(kind: CommandKind, result: int) -> str:
+    """Return why a robot refused, in words."""
+    if kind is CommandKind.ZERO_DEPTH and result in _OF_DEPTH:
+        return _OF_DEPTH[result]
+    return _REFUSALS.get(result, "the robot failed to do this")
+
 
 @dataclass(slots=True)
 class Command:
@@ -88,7 +103,7 @@ class CommandLane:
                     command.is_confirmed = True
                     self._tell_once(command, CommandLevel.RADIO, self._peer.heard_by)
                 else:
-                    reason = _REFUSALS.get(message.result, "the robot failed to do this")
+                    reason = _refusal(command.kind, message.result)
                     self._settle(command, CommandLevel.REFUSED, reason)
                 return
 

@@ -54,6 +54,7 @@ _LIFE = {
     CommandKind.PING: timedelta(hours=1),
     CommandKind.ARM: timedelta(minutes=5),
     CommandKind.DISARM: timedelta(minutes=10),
+    CommandKind.ZERO_DEPTH: timedelta(minutes=2),
 }
 """Time after which a command is never sent, by the robots' clock."""
 _CAPABILITIES = {
@@ -65,8 +66,11 @@ _CAPABILITIES = {
     CommandKind.PING: "ping",
     CommandKind.ARM: "arm",
     CommandKind.DISARM: "arm",
+    CommandKind.ZERO_DEPTH: "zero_depth",
 }
 """What a robot must be able to do to be told each."""
+_BY_RADIO_ALONE = (CommandKind.ARM, CommandKind.DISARM, CommandKind.ZERO_DEPTH)
+"""Who orders these stands beside the robot."""
 _SATELLITE_LIFE = timedelta(hours=24)
 """The same of a command that goes by satellite: its robot may not call for hours."""
 _WRITE_PATIENCE_S = 0.1
@@ -279,9 +283,9 @@ class Commands:
         """
         if kind is CommandKind.SURFACE:
             return self._satellite.choice(robot, "surface").links
-        if kind in (CommandKind.ARM, CommandKind.DISARM):
+        if kind in _BY_RADIO_ALONE:
             if requested == "satellite":
-                raise conflict("Orders to arm and to disarm go by radio alone.")
+                raise conflict("Orders to arm, to disarm and to zero the depth go by radio alone.")
             return ()
         choice = self._satellite.choice(robot, "command", requested)
         if requested != "auto" and not choice.links:

@@ -22,11 +22,12 @@ CommandsDep = Annotated[Commands, Depends(service(Commands))]
 class CommandRequest(Body):
     """An order to a robot."""
 
-    kind: Literal["surface", "hold", "resume", "quiet", "ping", "arm", "disarm"]
+    kind: Literal["surface", "hold", "resume", "quiet", "ping", "arm", "disarm", "zero_depth"]
     """``surface`` aborts the mission and ends its automation, ``hold`` suspends it at the next
     surfacing, ``resume`` goes on; ``quiet`` lets a robot that follows a target stop pinging it,
     ``ping`` go on with that; ``arm`` lets the motors of a vehicle of another maker turn, ``disarm``
-    stops them."""
+    stops them; ``zero_depth`` takes the depth sensor's present reading as the surface, which the
+    robot refuses under water and where the reading cannot be that."""
     route: Literal["auto", "radio", "satellite"] = "auto"
     """The link that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
     every link whatever is asked for."""

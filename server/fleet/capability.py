@@ -27,6 +27,7 @@ KEYS: Final[tuple[str, ...]] = (
     "start",
     "ping",
     "arm",
+    "zero_depth",
     "drive",
     "logs",
     "parameters",
@@ -53,6 +54,8 @@ _FOREIGN: Final[Mapping[str, str]] = MappingProxyType(
         "satellite_plan": "{robot} speaks standard MAVLink: no plan reaches it by satellite.",
         "start": "{robot} flies no plans of this station; its own mode says when its mission runs.",
         "ping": "{robot} speaks standard MAVLink: it pings no target.",
+        "zero_depth": "{robot} speaks standard MAVLink: its own ground station calibrates its"
+        " pressure sensor.",
     }
 )
 _OWN: Final[Mapping[str, str]] = MappingProxyType(

@@ -185,6 +185,7 @@ _TOLD = {
     CommandKind.PING: "to ping its target again",
     CommandKind.ARM: "to let its motors turn",
     CommandKind.DISARM: "to stop its motors",
+    CommandKind.ZERO_DEPTH: "to take its depth as zero",
 }
 _ORDERS = {
     CommandKind.SURFACE: "Surface order",
@@ -195,6 +196,7 @@ _ORDERS = {
     CommandKind.PING: "Order to ping again",
     CommandKind.ARM: "Order to arm",
     CommandKind.DISARM: "Order to disarm",
+    CommandKind.ZERO_DEPTH: "Order to zero the depth",
 }
 _APPLIED = {
     CommandKind.SURFACE: "{robot} obeys: it is coming up.",
@@ -205,6 +207,7 @@ _APPLIED = {
     CommandKind.PING: "{robot} obeys: it pings its target again.",
     CommandKind.ARM: "{robot} obeys: it is armed, its motors may turn.",
     CommandKind.DISARM: "{robot} obeys: it is disarmed, its motors stand.",
+    CommandKind.ZERO_DEPTH: "{robot} obeys: what its depth sensor reads now is the surface.",
 }
 
 

@@ -9,9 +9,11 @@ import pytest
 from pydantic import ValidationError
 
 from onboard.node.body import BodyNode
-from robot_link.messages import OnboardPlanState
+from robot_link.messages import CommandKind, OnboardPlanState
+from robot_link.robot_program import CommandOutcome
 from simulator.fault import (
     CAUSED_FAULTS,
+    DEPTH_OFF_M,
     CausedFault,
     RobotFaults,
     begin_of,
@@ -43,7 +45,7 @@ def test_a_fault_is_read_as_a_robot_a_name_and_a_time():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("hole@60", "leak, pump, sensor, optode, battery, gps"),
+        ("hole@60", "leak, pump, sensor, optode, battery, depth, gps"),
         ("leak", "leak@SECONDS"),
         ("leak@soon", "leak@SECONDS"),
         ("leak@-1", "leak@SECONDS"),
@@ -135,3 +137,21 @@ async def test_each_fault_is_told_as_it_comes_and_as_caused(tmp_path):
     assert "pump" in told[0].text
     assert "leak" in told[1].text
     assert all(news.text.startswith("Caused in the simulator") for news in told)
+
+
+def test_a_depth_sensor_off_its_zero_is_zeroed_at_the_surface_and_says_so():
+    life = Life(replace(MINI_1, faults=RobotFaults(depth_off_s=0.0)))
+    program = life.robot.program
+    assert program.state_report().position_ned[2] == pytest.approx(DEPTH_OFF_M, abs=0.05)
+    assert program.obey(CommandKind.ZERO_DEPTH, "") is CommandOutcome.DONE
+    life.live(5.0)
+    assert program.state_report().position_ned[2] == pytest.approx(0.0, abs=0.05)
+    told = program.due_condition() or program.newest_condition[0]
+    assert told["depth_zero"] == pytest.approx(DEPTH_OFF_M, abs=0.05)
+
+
+def test_depth_is_not_zeroed_while_a_plan_is_flown():
+    life = Life(MINI_1)
+    life.start(mission(*vee()))
+    assert life.robot.program.obey(CommandKind.ZERO_DEPTH, "") is CommandOutcome.NOT_NOW
+    assert life.robot.program.depth_zero.offset_m is None

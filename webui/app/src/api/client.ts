@@ -3,6 +3,7 @@ import type { components, paths } from './generated/station';
 import { AccessApi } from './access';
 import { done, newKey, of, told, versioned } from './call';
 import { ChannelApi } from './channel';
+import { ChecklistApi } from './checklist';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
 import { LeaseApi } from './lease';
@@ -81,6 +82,7 @@ export class Api {
   readonly setup = new SetupApi(this.#http);
   readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
+  readonly checklist = new ChecklistApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);

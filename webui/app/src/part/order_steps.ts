@@ -113,6 +113,7 @@ const NAMES: Record<string, string> = {
   ping: 'Ping again:',
   arm: 'Arm',
   disarm: 'Disarm',
+  zero_depth: 'Zero the depth of',
 };
 
 /** Kind and addressee of an order, such as "Surface mini-1". */

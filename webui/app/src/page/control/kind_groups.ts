@@ -23,6 +23,7 @@ const HELP: Record<string, string> = {
   acoustic: 'Speed of sound and how often and how far the acoustic modem measures ranges.',
   link: 'Which link plans and orders take.',
   automation: 'What the station suggests and sends by itself, and how much of that in an hour.',
+  checklist: 'Whether a start waits for the robot’s checklists.',
   standard_commands:
     'What a MAVLink vehicle is told for “surface”, “hold” and “resume”; its maker says the numbers.',
 };
@@ -35,7 +36,7 @@ interface Group {
 const GROUPS: readonly Group[] = [
   {
     title: 'Survey',
-    has: (kind) => ['planner', 'field', 'estimator', 'automation'].includes(kind),
+    has: (kind) => ['planner', 'field', 'estimator', 'automation', 'checklist'].includes(kind),
   },
   { title: 'Following a target', has: (kind) => kind === 'tracking' },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
