@@ -293,9 +293,12 @@ def _account(
     energy = legs_energy(rules, legs) + (0.0 if way is None else way.energy)
     duration_s = legs_duration_s(rules, legs)
     comes_up = surfacings(legs)
+    after = _battery_after(legs, rules, duration_s, way, around)
     return OutlineAccountView(
         energy=energy,
-        energy_wh=_watt_hours(around.vehicle, rules, energy),
+        energy_wh=_watt_hours(around.vehicle, rules, energy)
+        if after is None
+        else after.used_wh.mean,
         duration_s=duration_s + (0.0 if way is None else way.duration_s),
         distance_m=sum(math.dist(leg.start_ned[:2], leg.end_ned[:2]) for leg in legs),
         surfacings=comes_up,
@@ -303,7 +306,7 @@ def _account(
         satellite_bytes=comes_up * rules.mission.surfacing_bytes,
         credits=_credits(legs, rules, duration_s, around.tariff),
         battery_left=around.battery_left,
-        battery_after=_battery_after(legs, rules, duration_s, way, around),
+        battery_after=after,
     )
 
 

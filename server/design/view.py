@@ -135,7 +135,8 @@ class OutlineAccountView(View):
 
     energy: float
     energy_wh: float | None
-    """``null`` where the vehicle is not known."""
+    """Of the battery, as it is learned; by the vehicle's model alone while the robot has not said
+    what its battery has left, ``null`` where the vehicle is not known."""
     duration_s: float
     distance_m: float
     """Along the legs, horizontally."""

@@ -53,6 +53,7 @@ def test_a_design_takes_what_the_plan_of_its_legs_takes(seed):
     legs = tuple(lay(design, AROUND).laid_out.legs)
     plan = battery_of_legs(AROUND.battery, legs, account.duration_s, WayHome(), GRACE3.energy)
     assert found.used_wh.mean == pytest.approx(plan.used_wh)
+    assert account.energy_wh == pytest.approx(plan.used_wh)
     assert (found.used_wh.low, found.used_wh.high) == pytest.approx(
         (plan.used_low_wh, plan.used_high_wh)
     )

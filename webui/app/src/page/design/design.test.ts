@@ -237,10 +237,21 @@ describe('the estimate', () => {
   });
 
   test('pays the way there and the way home from the charge that flights ahead ended with', () => {
-    const alone = leftOfFlights(AFTER, [0.5, 0.6, 0.7]);
-    expect(alone.left).toEqual({ mean: 0.58, low: 0.48, high: expect.closeTo(0.68, 9) as number });
+    const flown = (...battery_end: [number, number, number]) => ({
+      battery_end,
+      over_time: [[0, ...Array<number>(9).fill(0), 0.8, 0.8, 0.8, 1]],
+    });
+    const alone = leftOfFlights(AFTER, 0.8, flown(0.5, 0.6, 0.7));
+    expect(alone.left.mean).toBeCloseTo(0.58, 9);
+    expect([alone.left.low, alone.left.high].map((one) => one.toFixed(2))).toEqual([
+      '0.48',
+      '0.68',
+    ]);
     expect(alone.home).toBeNull();
-    const back = leftOfFlights({ ...AFTER, home: range(0.63, 0.04) }, [0.03, 0.6, 0.7]);
+    const later = leftOfFlights(AFTER, 0.7, flown(0.5, 0.6, 0.7));
+    expect(later.left.mean).toBeCloseTo(0.48, 9);
+    const home = { ...AFTER, home: range(0.63, 0.04) };
+    const back = leftOfFlights(home, 0.8, flown(0.03, 0.6, 0.7));
     expect(back.home?.mean).toBeCloseTo(0.53, 9);
     expect(back.home?.low).toBe(0);
   });

@@ -191,11 +191,22 @@ export function drained(after: BatteryAfter, share: number): BatteryAfter {
   };
 }
 
-/** What is left after a flight and back home, by the charge that flights ahead ended with. */
+/** Column of the middle charge in a row of a band along time. */
+const CHARGE = 11;
+
+/** What flights ahead began and ended with, and along time. */
+export interface FlownBand {
+  battery_end: readonly [low: number, middle: number, high: number];
+  over_time: readonly (readonly number[])[];
+}
+
+/** What a flight leaves of the charge of now, and back home, by what flights ahead drew. */
 export function leftOfFlights(
   after: BatteryAfter,
-  [low, mean, high]: readonly [low: number, middle: number, high: number],
+  now: number,
+  { battery_end: [low, mean, high], over_time }: FlownBand,
 ): Pick<BatteryAfter, 'left' | 'home'> {
+  const gone = (over_time[0]?.[CHARGE] ?? now) - now;
   const without = (share: number) => ({
     mean: Math.max(0, mean - share),
     low: Math.max(0, low - share),
@@ -203,8 +214,8 @@ export function leftOfFlights(
   });
   const back = after.home && after.left.mean - after.home.mean;
   return {
-    left: without(after.there),
-    home: back === null ? null : without(after.there + back),
+    left: without(gone + after.there),
+    home: back === null ? null : without(gone + after.there + back),
   };
 }
 
