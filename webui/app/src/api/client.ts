@@ -8,6 +8,7 @@ import { DemoApi } from './demo';
 import { DesignApi } from './design';
 import { LeaseApi } from './lease';
 import { LogBookApi } from './log_book';
+import { NoticeApi } from './notice';
 import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { TagApi } from './tag';
@@ -83,6 +84,7 @@ export class Api {
   readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
   readonly checklist = new ChecklistApi(this.#http);
+  readonly notice = new NoticeApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
