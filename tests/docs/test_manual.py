@@ -14,7 +14,7 @@ APP = ROOT / "webui" / "app" / "src"
 WORDS_OF_STATION = ("server", "autonomy", "robot_link", "onboard")
 LARGEST_PICTURE_BYTES = 150_000
 GAP = "…"
-HOLE = r"\s?(?:\$?\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}|NAME)\s?"
+HOLE = r"\s?(?:\$?\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}|NAME|…)\s?"
 """What a text of the app is filled with."""
 
 
