@@ -70,12 +70,8 @@ class Holder:
     """Id of a script's bearer token."""
 
     def holds(self, lease: LeaseRecord) -> bool:
-        """Tell whether a lease is theirs."""
-        return (self.name, self.kind, self.token) == (
-            lease.holder,
-            lease.holder_kind,
-            lease.holder_token,
-        )
+        """Tell whether a lease is theirs; a script is known by its name, with a new token too."""
+        return (self.name, self.kind) == (lease.holder, lease.holder_kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,5 +166,5 @@ def _moved(
             raise ValueError(f"{evidence} needs somebody")
 
 
-def _holder_of(lease: LeaseRecord) -> tuple[str | None, str | None, str | None]:
-    return lease.holder, lease.holder_kind, lease.holder_token
+def _holder_of(lease: LeaseRecord) -> tuple[str | None, str | None]:
+    return lease.holder, lease.holder_kind

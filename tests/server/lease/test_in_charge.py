@@ -121,6 +121,12 @@ async def test_a_script_that_has_fallen_silent_makes_room_for_another(script, ho
     assert (await order(other)).status_code == 202
 
 
+async def test_a_script_with_a_new_token_is_the_same_script(script):
+    planner, renewed = await script("planner"), await script("planner")
+    assert (await order(planner)).status_code == 202
+    assert (await order(renewed)).status_code == 202
+
+
 @pytest.mark.parametrize("role", Role)
 @pytest.mark.parametrize("whose", ["nobody", "mine", "another", "a script"])
 async def test_role_and_lease_together_decide_who_may_send(person, script, role, whose):
