@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query
 from pydantic import Field
 
-from server.access.dependency import Pilot, Viewer
+from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body
@@ -98,7 +98,7 @@ async def complete_checklist(
 
 @router.post("/checklists/{checklist}/overrule")
 async def overrule_checklist(
-    caller: Pilot,
+    caller: PilotInCharge,
     checklist: str,
     body: ChecklistOverrule,
     checklists: ChecklistsDep,

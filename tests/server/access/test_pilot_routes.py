@@ -10,6 +10,7 @@ from server.access import dependency
 from server.station import ROUTERS
 
 SENDS = {
+    ("POST", "/api/checklists/{checklist}/overrule"),
     ("POST", "/api/missions/{mission}/start"),
     ("POST", "/api/missions/{mission}/stop"),
     ("POST", "/api/plans/{plan}/schedule"),
@@ -46,7 +47,6 @@ DRAFTS = {
     ("POST", "/api/channels"),
     ("PATCH", "/api/channels/{key}"),
     ("POST", "/api/checklists/{checklist}/complete"),
-    ("POST", "/api/checklists/{checklist}/overrule"),
     ("POST", "/api/checklists/{checklist}/ticks"),
     ("DELETE", "/api/demo/faults/{robot}/{fault}"),
     ("PUT", "/api/demo/faults/{robot}/{fault}"),
