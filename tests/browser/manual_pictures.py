@@ -81,7 +81,7 @@ def design(page: Page, demo: Demo) -> None:
 
 def drive(page: Page, demo: Demo) -> None:
     open_page(page, demo, "/drive/grace-1")
-    expect(page.get_by_role("button", name=re.compile("Drive grace-1 by hand"))).to_be_enabled()
+    expect(page.get_by_role("button", name=re.compile("Hold to drive grace-1"))).to_be_enabled()
     page.get_by_text("From above", exact=True).click()
     keep(page, "drive")
 
@@ -90,13 +90,6 @@ def track(page: Page, demo: Demo) -> None:
     open_page(page, demo, "/track/grace-1")
     expect(page.get_by_role("heading", name="Why it circles")).to_be_visible()
     keep(page, "track")
-
-
-def map_(page: Page, demo: Demo) -> None:
-    open_page(page, demo, "/map/mini-1")
-    slices = page.get_by_role("region", name="Slices of the map")
-    expect(slices).to_be_visible(timeout=600_000)
-    keep(page, "map")
 
 
 def current(page: Page, demo: Demo) -> None:
@@ -124,7 +117,7 @@ def alarms(page: Page, demo: Demo) -> None:
 
 
 PICTURES: tuple[Callable[[Page, Demo], None], ...] = (
-    surface_now, design, drive, track, fleet, night, current, plan, map_, robot, data, alarms,
+    surface_now, design, drive, track, fleet, night, current, plan, robot, data, alarms,
 )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ pytestmark = [
 ]
 
 SIZES = {"1440": (1440, 900), "900": (900, 1100), "400": (400, 860)}
-BEGIN = re.compile("Drive .* by hand. Press and hold")
+BEGIN = re.compile("Hold to drive .* by hand. Press and hold")
 
 
 @pytest.fixture
