@@ -48,6 +48,7 @@ AREAS = {
     "tracking": "benchmarks.planning.tracking",
     "tracking_speed": "benchmarks.planning.tracking_speed",
     "tracking_predictive": "benchmarks.planning.tracking_predictive",
+    "alarm": "benchmarks.station.alarm",
     "telemetry": "benchmarks.station.telemetry",
     "radio": "benchmarks.link.radio",
     "drive": "benchmarks.link.drive",

@@ -4,6 +4,7 @@ import re
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
 
 from autonomy.channel import ALARM_LEVELS, AlarmLevel
 from server.alarm.expression import LENGTH_MAX, ExpressionError, compile_expression
@@ -21,6 +22,7 @@ PLACES: Final = ("robot", "title", "value", "limit", "side", "detail")
 """What a sentence may leave to be filled in, each in braces."""
 TEXT_MAX: Final = 300
 DAY_S: Final = 86_400.0
+_SECONDS: Final[JsonDict] = {"unit": "s"}
 _PLACE = re.compile(r"\{([^{}]*)\}")
 
 
@@ -78,11 +80,17 @@ class AlarmRule(_Document):
     """At most one of each level; empty where those of the catalogue are meant."""
     hysteresis: float = Field(default=0.0, ge=0.0, le=1e9, allow_inf_nan=False)
     """So far must a value come back over a limit before the alarm clears; in its unit."""
-    delay_s: float = Field(default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False)
+    delay_s: float = Field(
+        default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False, json_schema_extra=_SECONDS
+    )
     """So long must a value stay beyond a limit before the alarm is raised."""
-    clear_after_s: float = Field(default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False)
+    clear_after_s: float = Field(
+        default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False, json_schema_extra=_SECONDS
+    )
     """So long must it be normal again before the alarm clears."""
-    window_s: float = Field(default=60.0, ge=1.0, le=3600.0, allow_inf_nan=False)
+    window_s: float = Field(
+        default=60.0, ge=1.0, le=3600.0, allow_inf_nan=False, json_schema_extra=_SECONDS
+    )
     """Of a rate: the time over which the change is taken."""
     robots: tuple[str, ...] = Field(default=(), max_length=100)
     """Which robots it is about; empty for all."""

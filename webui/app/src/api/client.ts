@@ -2,6 +2,7 @@ import createClient from 'openapi-fetch';
 import type { components, paths } from './generated/station';
 import { AccessApi } from './access';
 import { done, newKey, of, told, versioned } from './call';
+import { AlarmApi } from './alarm';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
 import { DemoApi } from './demo';
@@ -88,6 +89,7 @@ export class Api {
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
+  readonly alarm = new AlarmApi(this.#http);
   readonly water = new WaterApi(this.#http);
   readonly outlook = new OutlookApi(this.#http);
   readonly tag = new TagApi(this.#http);
@@ -377,14 +379,15 @@ export class Api {
   events = (query: Query<'/api/events'>) =>
     told(this.#http.GET('/api/events', { params: { query } }));
 
-  alarms = async (state: 'open' | 'closed' = 'open') =>
-    (await told(this.#http.GET('/api/alarms', { params: { query: { state } } }))).alarms;
+  alarms = (state: 'open' | 'closed' = 'open') =>
+    told(this.#http.GET('/api/alarms', { params: { query: { state } } }));
 
   /** Names the alarm as it was seen: one that has changed since is not acknowledged unread. */
-  acknowledge = ({ id, raised_at, level }: Alarm) =>
+  acknowledge = ({ id, raised_at, level }: Alarm, note = '') =>
     done(
       this.#http.POST('/api/alarms/{alarm}/ack', {
         params: { path: { alarm: id }, query: { raised_at, level } },
+        body: { note },
       }),
     );
 

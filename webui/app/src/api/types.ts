@@ -38,6 +38,7 @@ export type {
   AccountBody as GatewayChange,
   AccountView as Account,
   AlarmView as Alarm,
+  AlarmsView as Alarms,
   Area,
   NewWater,
   PlaceOutput as WaterPlace,

@@ -3,6 +3,7 @@ import type { Catalogue } from '../part/gauge';
 import { Problem, sentence } from '../api/problem';
 import type {
   Alarm,
+  Alarms,
   Command,
   Fault,
   Health,
@@ -61,7 +62,9 @@ export class Station {
   transfers = $state.raw<Readonly<Record<string, Transfer>>>({});
   events = $state.raw<readonly StationEvent[]>([]);
   readonly #alarms = new Fetched(() => this.#readAlarms());
-  readonly alarms = $derived.by((): readonly Alarm[] => this.#alarms.value ?? []);
+  readonly alarms = $derived.by((): readonly Alarm[] => this.#alarms.value?.alarms ?? []);
+  /** How many alarms are open; more than are listed where there are very many. */
+  readonly alarmCount = $derived.by(() => this.#alarms.value?.total ?? 0);
   /** Whether the station has said which alarms stand. */
   readonly hasAlarms = $derived.by(() => this.#alarms.value !== null);
   readonly #channels = new Fetched(() => this.api.channel.channels());
@@ -192,9 +195,14 @@ export class Station {
     return () => this.#readers.delete(reader);
   }
 
-  async acknowledge(alarm: Alarm): Promise<void> {
+  async acknowledge(alarm: Alarm, note = ''): Promise<void> {
+    await this.onAlarms(() => this.api.acknowledge(alarm, note));
+  }
+
+  /** Do something about an alarm, and read them all again. */
+  async onAlarms(action: () => Promise<unknown>): Promise<void> {
     try {
-      await this.api.acknowledge(alarm);
+      await action();
     } finally {
       await this.#alarms.load();
     }
@@ -231,7 +239,7 @@ export class Station {
   }
 
   /** Ask for the alarms, and for what is wrong with the station itself. */
-  async #readAlarms(): Promise<readonly Alarm[]> {
+  async #readAlarms(): Promise<Alarms> {
     const [alarms, health] = await Promise.all([this.api.alarms(), this.api.health()]);
     this.#setHealth(health);
     return alarms;

@@ -1,0 +1,54 @@
+import type { Client } from 'openapi-fetch';
+import { done, of, told } from './call';
+import type { components, paths } from './generated/station';
+import type { JsonObject } from './types';
+
+type Schemas = components['schemas'];
+export type AlarmRuleEntry = Schemas['AlarmRuleView'];
+export type AlarmRule = Schemas['AlarmRule'];
+export type Watched = Schemas['WatchedView'];
+
+/** Alarms set aside, noted and assigned, and the rules that raise them. */
+export class AlarmApi {
+  readonly #http: Client<paths, 'application/json'>;
+
+  constructor(http: Client<paths, 'application/json'>) {
+    this.#http = http;
+  }
+
+  shelve = (alarm: string, minutes: number, note: string) =>
+    done(
+      this.#http.POST('/api/alarms/{alarm}/shelve', { ...of({ alarm }), body: { minutes, note } }),
+    );
+  unshelve = (alarm: string) =>
+    done(this.#http.POST('/api/alarms/{alarm}/unshelve', of({ alarm })));
+  note = (alarm: string, note: string) =>
+    done(this.#http.POST('/api/alarms/{alarm}/note', { ...of({ alarm }), body: { note } }));
+  assign = (alarm: string, person: string | null) =>
+    done(this.#http.POST('/api/alarms/{alarm}/assign', { ...of({ alarm }), body: { person } }));
+
+  rules = () => told(this.#http.GET('/api/alarm-rules'));
+  /** JSON Schema of a rule. */
+  schema = () => told(this.#http.GET('/api/alarm-rules/schema')) as Promise<JsonObject>;
+  watched = () => told(this.#http.GET('/api/alarm-rules/watched'));
+  addRule = (body: AlarmRule) => told(this.#http.POST('/api/alarm-rules', { body }));
+  changeRule = (rule: string, body: Schemas['RuleChanges']) =>
+    told(this.#http.PATCH('/api/alarm-rules/{rule}', { ...of({ rule }), body }));
+  /** Give a changed rule back as it was delivered, or remove one of the team's own. */
+  resetRule = (rule: string) => done(this.#http.DELETE('/api/alarm-rules/{rule}', of({ rule })));
+  tryRule = (rule: AlarmRule, days: number) =>
+    told(this.#http.POST('/api/alarm-rules/try', { body: { rule, days } }));
+  takeOut = (rule: string, robot: string | null, reason: string) =>
+    told(
+      this.#http.POST('/api/alarm-rules/{rule}/out-of-service', {
+        ...of({ rule }),
+        body: { robot, reason },
+      }),
+    );
+  putBack = (rule: string, robot: string | null) =>
+    told(
+      this.#http.DELETE('/api/alarm-rules/{rule}/out-of-service', {
+        params: { path: { rule }, query: { robot } },
+      }),
+    );
+}
