@@ -81,15 +81,30 @@ class AlarmRule(_Document):
     hysteresis: float = Field(default=0.0, ge=0.0, le=1e9, allow_inf_nan=False)
     """So far must a value come back over a limit before the alarm clears; in its unit."""
     delay_s: float = Field(
-        default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False, json_schema_extra=_SECONDS
+        title="Delay",
+        default=0.0,
+        ge=0.0,
+        le=DAY_S,
+        allow_inf_nan=False,
+        json_schema_extra=_SECONDS,
     )
     """So long must a value stay beyond a limit before the alarm is raised."""
     clear_after_s: float = Field(
-        default=0.0, ge=0.0, le=DAY_S, allow_inf_nan=False, json_schema_extra=_SECONDS
+        title="Clear after",
+        default=0.0,
+        ge=0.0,
+        le=DAY_S,
+        allow_inf_nan=False,
+        json_schema_extra=_SECONDS,
     )
     """So long must it be normal again before the alarm clears."""
     window_s: float = Field(
-        default=60.0, ge=1.0, le=3600.0, allow_inf_nan=False, json_schema_extra=_SECONDS
+        title="Window of a rate",
+        default=60.0,
+        ge=1.0,
+        le=3600.0,
+        allow_inf_nan=False,
+        json_schema_extra=_SECONDS,
     )
     """Of a rate: the time over which the change is taken."""
     robots: tuple[str, ...] = Field(default=(), max_length=100)
@@ -99,7 +114,9 @@ class AlarmRule(_Document):
     suppressed: tuple[Suppression, ...] = Field(default=(), max_length=3)
     """When it is no alarm by design: in the workshop, under water, while a dive is planned."""
     text: Annotated[
-        str, Field(min_length=1, max_length=TEXT_MAX), AfterValidator(_with_known_places)
+        str,
+        Field(title="Sentence", min_length=1, max_length=TEXT_MAX),
+        AfterValidator(_with_known_places),
     ]
     """The sentence, with {robot}, {title}, {value}, {limit}, {side} and {detail} filled in."""
     action: Annotated[str, Field(max_length=TEXT_MAX), AfterValidator(checked)] = ""

@@ -379,8 +379,7 @@ def _is_logged(alarm: AlarmRecord, kind: str) -> bool:
 
 def _save(session: Session, batch: list[tuple[AlarmRecord, str, datetime]]) -> None:
     newest = {alarm.id: alarm for alarm, _, _ in batch}
-    for alarm in newest.values():
-        query.save_alarm(session, alarm)
+    query.save_alarms(session, list(newest.values()))
     for alarm, kind, at in batch:
         if _is_logged(alarm, kind):
             add_event(

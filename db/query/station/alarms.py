@@ -1,5 +1,6 @@
 """Alarms as the database keeps them; their life cycle is ``server.base.alarm_board``'s."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -54,13 +55,22 @@ def save_alarm(session: Session, alarm: AlarmRecord) -> None:
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    session.merge(
-        Alarm(
-            key=key_of("alarm", alarm.id),
-            robot_key=None if alarm.robot is None else robot_key(session, alarm.robot),
-            **values(alarm, but=["id", "robot"]),
-        )
-    )
+    save_alarms(session, [alarm])
+
+
+def save_alarms(session: Session, alarms: Sequence[AlarmRecord]) -> None:
+    """Insert or replace alarms, none of them twice; see ``save_alarm``."""
+    keys = [key_of("alarm", alarm.id) for alarm in alarms]
+    known = {row.key: row for row in session.scalars(select(Alarm).where(Alarm.key.in_(keys)))}
+    robots = {one: robot_key(session, one) for one in {alarm.robot for alarm in alarms} if one}
+    for key, alarm in zip(keys, alarms, strict=True):
+        told = values(alarm, but=["id", "robot"])
+        told["robot_key"] = None if alarm.robot is None else robots[alarm.robot]
+        if key not in known:
+            session.add(Alarm(key=key, **told))
+            continue
+        for name, value in told.items():
+            setattr(known[key], name, value)
 
 
 def open_alarms(session: Session) -> list[AlarmRecord]:

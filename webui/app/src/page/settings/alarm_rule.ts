@@ -124,7 +124,7 @@ export function generatedOf(rule: AlarmRule | null): JsonObject {
   };
   if (rule === null) return presets;
   const known = Object.entries(rule).filter(([name]) => GENERATED.includes(name));
-  return { ...presets, ...Object.fromEntries(known) } as JsonObject;
+  return { ...presets, ...Object.fromEntries(known) };
 }
 
 /** What a rule watches and when it fires, in one line. */
@@ -134,12 +134,12 @@ export function conditionText({ rule }: AlarmRuleEntry, watched: readonly Watche
   const name = known?.title ?? rule.reads ?? '';
   if (rule.kind === 'catalogue') return `${name}: limits of the channel`;
   const unit = rule.kind === 'absence' ? 's' : (known?.unit ?? '');
-  const isState = unit === '' && (rule.limits ?? []).every(({ low }) => low == null);
+  const isState = unit === '' && (rule.limits ?? []).every(({ low }) => (low ?? null) === null);
   const ends = (rule.limits ?? []).map(({ level, low, high }) => {
     if (isState && (rule.limits ?? []).length === 1) return level;
     const gap = unit === '1' || unit === '' ? '' : ` ${unit}`;
-    const below = low == null ? '' : `below ${low}${gap}`;
-    const above = high == null ? '' : `above ${high}${gap}`;
+    const below = (low ?? null) === null ? '' : `below ${low}${gap}`;
+    const above = (high ?? null) === null ? '' : `above ${high}${gap}`;
     return `${level} ${[below, above].filter(Boolean).join(' or ')}`;
   });
   const what = { limit: name, rate: `${name}, per minute`, absence: `${name} not told` };
