@@ -39,9 +39,11 @@ class Question:
         Raises:
             Problem: 409 if a shift is asked for and there was none.
         """
-        entries, told = self.entries, self.told
-        period = self.period(session)
-        entries, told = replace(entries, period=period), replace(told, period=period)
+        return self.within(self.period(session))
+
+    def within(self, period: Period | None) -> "tuple[LogFilter | None, ToldFilter]":
+        """Return what is to be read of a time."""
+        entries, told = replace(self.entries, period=period), replace(self.told, period=period)
         return entries if "entries" in self.groups else None, told
 
     def period(self, session: Session) -> Period | None:

@@ -46,6 +46,10 @@ export class LogBookApi {
     return upload({ path: '/api/logbook/attachments', form, csrf: this.#csrf() });
   }
 
+  /** What a robot had measured by a moment. */
+  moment = (robot: string, at: string) =>
+    told(this.#http.GET('/api/robots/{robot}/moment', of({ robot }, { at })));
+
   shifts = (limit: number) =>
     told(this.#http.GET('/api/logbook/shifts', { params: { query: { limit } } }));
   beginShift = () => told(this.#http.POST('/api/logbook/shifts'));

@@ -41,6 +41,8 @@ export interface ChartWish {
   includes?: readonly number[];
   sync?: string | undefined;
   onzoom?: ((from: number, to: number) => void) | undefined;
+  /** Value across at which a line stands from top to bottom. */
+  mark?: number | null;
 }
 
 /** The colours of the moment, read from the theme's tokens. */
@@ -114,7 +116,27 @@ export function chartOptions(
       },
     ],
     series: [{}, ...wish.lines.map((line) => lineOptions(line, palette))],
-    hooks: { setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [] },
+    hooks: {
+      setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [],
+      draw: wish.mark == null ? [] : [marker(wish.mark, palette('--accent'))],
+    },
+  };
+}
+
+/** Draws a line from top to bottom at a value across. */
+function marker(at: number, colour: string): (chart: uPlot) => void {
+  return ({ ctx, bbox, scales, valToPos }) => {
+    const { min, max } = scales.x ?? {};
+    if (min == null || max == null || at < min || at > max) return;
+    const x = Math.round(valToPos(at, 'x', true));
+    ctx.save();
+    ctx.strokeStyle = colour;
+    ctx.lineWidth = Math.max(1, devicePixelRatio);
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    ctx.restore();
   };
 }
 
