@@ -17,6 +17,7 @@ from server.battery.battery_use import BatteryUse
 from server.battery.lasting import battery_view
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
+from server.lease.leases import Leases
 from server.schedule.condition import condition_of, text_of
 
 OVERDUE: Final = ("overdue", "contact")
@@ -47,6 +48,8 @@ class RobotStandView(View):
     deployment: str | None
     """Title of the one that it is in."""
     activity: str
+    in_charge: str
+    """Who is; empty for nobody."""
     is_overdue: bool
     next_contact: str
     """When it is expected, in words; empty where nobody knows."""
@@ -139,6 +142,7 @@ async def _robot(
         name=view.name,
         deployment=None if view.deployment is None else view.deployment.name,
         activity=view.activity,
+        in_charge=foundation.services.get(Leases).of(robot).holder or "",
         is_overdue=is_overdue,
         next_contact="" if view.next_contact is None else view.next_contact.text,
         battery=None if told is None else told.left,

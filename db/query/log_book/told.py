@@ -60,7 +60,16 @@ CHECKLISTS: Final = (
     "checklist.overruled",
     "checklist.reopened",
 )
-WATCH: Final = ("shift.begun", "shift.ended", "page.signed", "page.taken", *CHECKLISTS)
+CHARGE: Final = (
+    "lease.taken",
+    "lease.taken_over",
+    "lease.granted",
+    "lease.handed_over",
+    "lease.released",
+    "lease.timed_out",
+)
+"""Who came to be in charge of a robot."""
+WATCH: Final = ("shift.begun", "shift.ended", "page.signed", "page.taken", *CHECKLISTS, *CHARGE)
 GROUPS = MappingProxyType(
     {"orders": ORDERS, "dives": DIVES, "alarms": ALARMS, "plans": PLANS, "watch": WATCH}
 )
