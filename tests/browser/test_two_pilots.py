@@ -33,6 +33,7 @@ def second_pilot(browser, demo, first):
     page.get_by_label("Name").fill("ben")
     page.get_by_label("Password").fill(PASSWORD)
     page.get_by_role("button", name="Sign in").click()
+    expect(page.get_by_role("status").get_by_text("Live", exact=True)).to_be_visible()
     yield page
     context.close()
 
