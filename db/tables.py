@@ -392,6 +392,8 @@ class Job(Base):
     progress: Mapped[float]
     message: Mapped[str]
     result: Mapped[Document | None]
+    robot: Mapped[str | None]
+    """Id of the robot that it is about; none of what is about the station."""
     created_at: Mapped[datetime]
     created_by: Mapped[str]
     ended_at: Mapped[datetime | None]

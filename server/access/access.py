@@ -3,21 +3,24 @@
 import asyncio
 import contextlib
 import secrets
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Literal
+from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from db.actor import Actor, acting
 from db.fault import StoreError
+from db.identity import key_of
 from db.query.station import people as query
 from db.query.station.events import add_event
-from db.query.station.people import PersonRecord
+from db.query.station.grants import Holder
+from db.query.station.people import PersonRecord, SessionRecord
 from db.store import Store
-from robot_link.clock import Clock
+from robot_link.clock import Clock, monotonic_s
+from server.access.caller import Browser, Caller, Proof, callers_of
 from server.access.failure import SignInFailures
 from server.access.role import Rights, Role
 from server.access.secret import hash_password, new_code, new_secret, password_fits, secret_hash
@@ -26,33 +29,12 @@ from server.base.problem import FieldError, Problem, conflict, unprocessable
 
 _WRONG = "Name or password is wrong."
 _FIRST_START = "first start"
+_LINK = "read-only link"
+_NO_BROWSER = Browser()
+BROWSER_LENGTH_MAX: Final = 200
 EXPIRY_LOOK_S = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Proof:
-    """By what somebody came in, so that it can be looked at again."""
-
-    kind: Literal["session", "token"]
-    digest: str
-    """Hash of the secret."""
-
-
-@dataclass(frozen=True, slots=True)
-class Caller:
-    """Who asks, once it is proved."""
-
-    name: str
-    rights: Rights
-    expires_at: datetime
-    csrf_token: str | None = field(repr=False)
-    """The token that a browser's changes must carry; a script with a bearer token has none."""
-    proof: Proof
-
-    @property
-    def role(self) -> Role:
-        """What the caller is to the station as a whole."""
-        return self.rights.for_all
+SEEN_S: Final = 60.0
+"""How often it is written down when sessions were seen last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +69,7 @@ class Access:
         self._throttle = Throttle()
         self._gate, self._gate_of_known = HashGate(), HashGate()
         self._first_code: str | None = None
+        self._seen: dict[str, datetime] = {}
 
     async def prepare(self) -> str | None:
         """Return the code that creates the first admin, or ``None`` when there are people."""
@@ -100,7 +83,7 @@ class Access:
         return self._first_code is not None
 
     async def create_first_admin(
-        self, name: str, password: str, code: str, host: str | None
+        self, name: str, password: str, code: str, browser: Browser
     ) -> SignedIn:
         """Create the first person, with the code that the station printed, and sign in.
 
@@ -109,7 +92,7 @@ class Access:
         """
         if self._first_code is None:
             raise conflict("The station has an administrator already; sign in instead.")
-        origin = Origin.of(host)
+        origin = Origin.of(browser.host)
         reserved = self._throttle.reserve(origin.keys(_FIRST_START))
         if not secrets.compare_digest(_bytes_of(code.strip().upper()), self._first_code.encode()):
             await self._failures.note(f"A code of the first start from {origin.address} was wrong.")
@@ -126,23 +109,23 @@ class Access:
 
         person = await self._store.write(create)
         self._first_code = None
-        return await self._sign_in(person)
+        return await self._sign_in(person, browser)
 
     async def sign_in(
-        self, name: str, password: str, host: str | None = None, mark: str | None = None
+        self, name: str, password: str, browser: Browser = _NO_BROWSER, mark: str | None = None
     ) -> SignedIn:
         """Sign a person in by name and password.
 
         Args:
             name: Who.
             password: What only they know.
-            host: From which machine.
+            browser: From where.
             mark: What their browser kept of an earlier sign-in.
 
         Raises:
             Problem: 401 if they do not fit, 429 after too many failures, 503 if too many try.
         """
-        origin = Origin.of(host, self._browsers.identity(mark, name))
+        origin = Origin.of(browser.host, self._browsers.identity(mark, name))
         reserved = self._throttle.reserve(origin.keys(name))
         try:
             person = await self._store.query(lambda session: query.find_person(session, name))
@@ -158,7 +141,7 @@ class Access:
             await self._failures.note(f"A sign-in by {whose} from {origin.address} failed.")
             raise Problem(401, _WRONG)
         self._throttle.succeeded(reserved)
-        return await self._sign_in(known)
+        return await self._sign_in(known, browser)
 
     async def password_hash(self, password: str) -> str:
         """Hash a new password.
@@ -177,7 +160,7 @@ class Access:
         """Return what a browser keeps so that nobody else's tries count against it."""
         return self._browsers.mark(name)
 
-    async def sign_in_once(self, secret: str) -> SignedIn:
+    async def sign_in_once(self, secret: str, browser: Browser = _NO_BROWSER) -> SignedIn:
         """Use a one-time sign-in up.
 
         Raises:
@@ -190,7 +173,30 @@ class Access:
         )
         if person is None:
             raise Problem(401, "This sign-in link was used or has expired; ask for a new one.")
-        return await self._sign_in(person)
+        return await self._sign_in(person, browser)
+
+    async def sign_in_as(self, person: PersonRecord, browser: Browser) -> SignedIn:
+        """Sign a person in whom a provider of OpenID Connect has vouched for.
+
+        Raises:
+            Problem: 401 if the person was changed meanwhile.
+        """
+        return await self._sign_in(person, browser)
+
+    async def open_link(self, secret: str, browser: Browser) -> SignedIn:
+        """Let somebody in by a read-only link.
+
+        Raises:
+            Problem: 401 if it has expired, was revoked or never existed; 429 after many of those.
+        """
+        reserved = self._throttle.reserve(Origin.of(browser.host).keys(_LINK))
+        wall, digest = self._wall.now(), secret_hash(secret)
+        link = await self._store.query(lambda session: query.find_link(session, digest, wall))
+        if link is None:
+            raise Problem(401, "This read-only link has expired or was revoked; ask for a new one.")
+        self._throttle.succeeded(reserved)
+        until = min(link.expires_at, wall + self._session_length)
+        return await self._open(Holder(token=key_of("link", link.id)), until, browser)
 
     async def sign_out(self, secret: str, name: str) -> None:
         """End the session of a cookie, which is of this person."""
@@ -213,44 +219,44 @@ class Access:
     async def caller_of(self, proof: Proof) -> Caller | None:
         """Return who came in by this, or ``None`` when it is worth nothing any more."""
         at = self._wall.now()
-        if proof.kind == "token":
-            token = await self._store.query(
-                lambda session: query.find_token(session, proof.digest, at)
-            )
-            if token is None:
-                return await self._nobody()
-            return Caller(token.name, Rights(Role(token.role)), token.expires_at, None, proof)
-        found = await self._store.query(
-            lambda session: query.find_session(session, proof.digest, at)
-        )
-        if found is None:
+        found = await self._store.query(lambda session: callers_of(session, (proof,), at))
+        if proof not in found:
             return await self._nobody()
-        person = found.person
-        rights = Rights(Role(person.role))
-        return Caller(person.name, rights, found.expires_at, found.csrf_token, proof)
+        if proof.kind == "session":
+            self._seen[proof.digest] = at
+        return found[proof]
 
     async def rights_of(self, proofs: Collection[Proof]) -> dict[Proof, Rights]:
         """Return what each proof lets somebody do; those that are worth nothing are left out."""
         at = self._wall.now()
 
-        def role(session: Session, proof: Proof) -> str | None:
-            if proof.kind == "token":
-                token = query.find_token(session, proof.digest, at)
-                return None if token is None else token.role
-            found = query.find_session(session, proof.digest, at)
-            return None if found is None else found.person.role
+        found = await self._store.query(lambda session: callers_of(session, proofs, at))
+        self._seen.update({proof.digest: at for proof in found if proof.kind == "session"})
+        return {proof: caller.rights for proof, caller in found.items()}
 
-        def rights(session: Session) -> dict[Proof, Rights]:
-            told = {proof: role(session, proof) for proof in proofs}
-            return {proof: Rights(Role(one)) for proof, one in told.items() if one is not None}
-
-        return await self._store.query(rights)
+    def seen_at(self, record: SessionRecord) -> datetime | None:
+        """Return when a session was seen last, as far as it is not written down yet too."""
+        moments = (record.seen_at, self._seen.get(record.secret_hash))
+        return max((one for one in moments if one is not None), default=None)
 
     async def run(self) -> None:
-        """End what expires, until cancelled: a clock that is set back brings nothing to life."""
+        """End what expires and note who was seen, until cancelled.
+
+        A clock that is set back brings nothing to life.
+        """
+        noted_s = monotonic_s()
         while True:
             await self._nobody()
+            if monotonic_s() - noted_s >= SEEN_S:
+                noted_s = monotonic_s()
+                await self._note_seen()
             await asyncio.sleep(EXPIRY_LOOK_S)
+
+    async def _note_seen(self) -> None:
+        seen, self._seen = self._seen, {}
+        if seen:
+            with contextlib.suppress(StoreError, SQLAlchemyError):
+                await self._store.write(lambda session: query.note_seen(session, seen))
 
     async def _nobody(self) -> None:
         """End what has expired by now."""
@@ -259,31 +265,50 @@ class Access:
             if await self._store.query(lambda session: query.has_expired(session, at)):
                 await self._store.write(lambda session: query.end_expired(session, at))
 
-    async def _sign_in(self, person: PersonRecord) -> SignedIn:
+    async def _sign_in(self, person: PersonRecord, browser: Browser) -> SignedIn:
         """Open a session, unless the person is no longer who was looked at."""
-        secret, csrf_token = new_secret(), new_secret()
-        wall, at = self._wall.now(), self._clock.now()
-        expires_at = wall + self._session_length
+        at = self._clock.now()
 
-        def add(session: Session) -> None:
+        def check(session: Session) -> None:
             now = query.find_person(session, person.name, held=True)
             if now is None or _proved_by(now) != _proved_by(person):
                 raise Problem(401, "This person was changed meanwhile; sign in again.")
-            query.add_session(
-                session,
-                person.name,
-                secret_hash=secret_hash(secret),
-                csrf_token=csrf_token,
-                at=wall,
-                expires_at=expires_at,
-            )
             add_event(session, at, "person.signed_in", f"{person.name} signed in.")
 
         acting.set(Actor(person.name, "person"))
-        await self._store.write(add)
-        proof = Proof("session", secret_hash(secret))
-        caller = Caller(person.name, Rights(Role(person.role)), expires_at, csrf_token, proof)
-        return SignedIn(secret, caller)
+        until = self._wall.now() + self._session_length
+        return await self._open(Holder(person=person.key), until, browser, check)
+
+    async def _open(
+        self,
+        holder: Holder,
+        expires_at: datetime,
+        browser: Browser,
+        check: Callable[[Session], None] = lambda _: None,
+    ) -> SignedIn:
+        """Open a session of a person or a link in the transaction of a check."""
+        secret, csrf_token = new_secret(), new_secret()
+        proof, wall = Proof("session", secret_hash(secret)), self._wall.now()
+
+        def add(session: Session) -> Caller:
+            check(session)
+            query.add_session(
+                session,
+                holder,
+                secret_hash=proof.digest,
+                csrf_token=csrf_token,
+                at=wall,
+                expires_at=expires_at,
+                address=browser.host or "",
+                browser=browser.name[:BROWSER_LENGTH_MAX],
+            )
+            session.flush()
+            found = callers_of(session, (proof,), wall)
+            if proof not in found:
+                raise Problem(401, "This sign-in ended while it began; try again.")
+            return found[proof]
+
+        return SignedIn(secret, await self._store.write(add))
 
 
 def _proved_by(person: PersonRecord) -> tuple[str | None, datetime | None]:

@@ -14,7 +14,8 @@ from fastapi import Depends, Request, Response, WebSocket
 from fastapi.dependencies.models import Dependant
 from starlette.requests import HTTPConnection
 
-from server.access.access import Access, Caller
+from server.access.access import Access
+from server.access.caller import Caller
 from server.access.guard import Guard
 from server.access.role import Right
 from server.access.stream import SignInWatch, Tickets

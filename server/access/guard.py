@@ -10,12 +10,14 @@ from starlette.requests import HTTPConnection
 
 from db.actor import Actor, acting
 from db.fault import UnknownIdError
-from server.access.access import Access, Caller, SignedIn
+from server.access.access import Access, SignedIn
+from server.access.caller import Caller
 from server.access.presence import Presence
+from server.access.read_only import is_open_to_links
 from server.access.role import Right, Role
 from server.access.stream import Tickets
 from server.access.subject import Subjects
-from server.base.problem import Problem
+from server.base.problem import Problem, not_found
 from server.base.settings import Settings
 
 CSRF_HEADER: Final = "X-CSRF-Token"
@@ -98,6 +100,17 @@ class Guard:
                 secure=self._settings.secure_cookie,
             )
 
+    def public_origin(self, request: Request) -> str:
+        """Return the origin by which browsers know the station."""
+        if self._settings.public_origins:
+            return self._settings.public_origins[0]
+        scheme = "https" if self._settings.secure_cookie else "http"
+        return f"{scheme}://{request.headers.get('host', '')}"
+
+    def state_cookie_name(self, connection: HTTPConnection) -> str:
+        """Return the name of what a browser keeps while it is at a sign-in provider."""
+        return f"grace_oidc_{connection.url.port or 'default'}"
+
     def mark_of(self, request: Request) -> str | None:
         """Return what a browser kept of an earlier sign-in."""
         return request.cookies.get(self._mark_name(request))
@@ -143,9 +156,9 @@ class Guard:
             changes: Whether it changes something, so that ``ScriptCheck`` are asked of a script.
 
         Raises:
-            Problem: 401 without a valid cookie or token, 403 without the right, or when a
-                browser's change lacks the CSRF token or comes from a foreign page.
-            UnknownIdError: If it is about what the caller may not see, or there is not.
+            Problem: 401 without a valid cookie or token, 404 for what the caller may not see, 403
+                without the right, or when a browser's change lacks the CSRF token or comes from a
+                foreign page.
         """
         found = await self._bearer(request)
         if found is None:
@@ -201,7 +214,7 @@ class Guard:
             raise refused
         try:
             await self._check(found, right, websocket)
-        except (Problem, UnknownIdError) as error:
+        except Problem as error:
             raise refused from error
         acting.set(_actor(found))
         return found
@@ -210,6 +223,9 @@ class Guard:
         self, caller: Caller, right: Right, connection: HTTPConnection, *, sends: bool = False
     ) -> None:
         """Ask for a right on what a request is about: its robots, or the station as a whole."""
+        method, path = connection.scope.get("method", ""), _path_of(connection)
+        if caller.is_link and not is_open_to_links(method, path):
+            raise Problem(403, "A read-only link does not show this, and changes nothing.")
         has_for_all = caller.rights.may(right)
         if not has_for_all and not caller.rights.by_robot:
             raise _lacking(caller)
@@ -217,18 +233,19 @@ class Guard:
             return
         try:
             subjects = await self._subjects.of(connection)
-        except UnknownIdError:
+        except UnknownIdError as error:
             if has_for_all:
                 return  # the route says so, after it looked at the rest of the request
-            raise
-        if not subjects and not has_for_all and right is not Right.VIEW:
-            method, path = connection.scope.get("method", ""), _path_of(connection)
-            if not self._subjects.asks_itself(method, path):
-                detail = f"{caller.name} may do this with chosen robots, not the whole station."
-                raise Problem(403, detail)
+            raise not_found(str(error)) from error
+        if not subjects and not caller.rights.sees(None) and self._subjects.is_whole(path):
+            raise Problem(403, "This tells of all robots; you may see chosen ones.")
+        is_of_all = not subjects and not self._subjects.asks_itself(method, path)
+        if is_of_all and not has_for_all and right is not Right.VIEW:
+            detail = f"{caller.name} may do this with chosen robots, not the whole station."
+            raise Problem(403, detail)
         for subject in subjects:
             if not _may(caller, Right.VIEW, subject.robots):
-                raise UnknownIdError(subject.kind, subject.identity)
+                raise _unknown(subject.kind, subject.identity)
         robots = frozenset[str]().union(*(subject.robots for subject in subjects))
         if subjects or sends:
             is_of_station = any(not subject.robots for subject in subjects)
@@ -251,13 +268,13 @@ class Guard:
         Where it ``sends`` them something, ``RobotCheck`` are asked too.
 
         Raises:
-            UnknownIdError: If the caller may not see one of them.
-            Problem: 403 if the caller may look at it only, and what the checks raise.
+            Problem: 404 if the caller may not see one of them, as if there were none; 403 if they
+                may look at it only; and what the checks raise.
         """
         rights = caller.rights
         for robot in sorted(robots):
             if not rights.sees(robot):
-                raise UnknownIdError("robot", robot)
+                raise _unknown("robot", robot)
             if not rights.may(right, robot):
                 role = rights.role_for(robot)
                 raise Problem(403, f"{caller.name} is a {role} of {robot} and may not do this.")
@@ -299,6 +316,11 @@ def _may(caller: Caller, right: Right, robots: Collection[str]) -> bool:
     if not robots:
         return caller.rights.may(right)
     return all(caller.rights.may(right, robot) for robot in robots)
+
+
+def _unknown(kind: str, identity: str) -> Problem:
+    """Return what is said of something that the caller may not see: that there is none."""
+    return not_found(str(UnknownIdError(kind, identity)))
 
 
 def _lacking(caller: Caller) -> Problem:

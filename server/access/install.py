@@ -1,17 +1,25 @@
 """Puts the capability together."""
 
 from robot_link.clock import SystemClock
-from server.access import people_route, session_route
+from server.access import group_route, people_route, session_route, sign_in_route
 from server.access.access import Access
 from server.access.failure import SignInFailures
 from server.access.guard import Guard
+from server.access.oidc import route as oidc_route
+from server.access.oidc.desk import SignInDesk
 from server.access.presence import Presence
 from server.access.stream import SignInWatch, Tickets
 from server.access.subject import Subjects
 from server.access.throttle import KnownBrowsers
 from server.base.foundation import Foundation
 
-ROUTERS = (session_route.router, people_route.router)
+ROUTERS = (
+    oidc_route.router,
+    session_route.router,
+    sign_in_route.router,
+    people_route.router,
+    group_route.router,
+)
 
 
 def install(foundation: Foundation) -> None:
@@ -27,6 +35,7 @@ def install(foundation: Foundation) -> None:
     watch = foundation.services.add(SignInWatch(access, presence))
     foundation.lifetime.run("sign-ins in use", watch.run)
     tickets = foundation.services.add(Tickets(access))
+    foundation.services.add(SignInDesk(settings))
     subjects = foundation.services.add(Subjects(store))
-    subjects.add_details("name", "token")
+    subjects.add_details("name", "token", "group", "session", "link")
     foundation.services.add(Guard(access, tickets, settings, subjects, presence))

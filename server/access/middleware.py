@@ -9,8 +9,8 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from db.actor import acting
-from server.access.access import Caller
 from server.access.body import BodyReader
+from server.access.caller import Caller
 from server.access.deed import note_deed
 from server.access.guard import Guard
 from server.access.stream import SignInEndedError, SignInWatch

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robot_link.clock import monotonic_s
-from server.access.access import Caller
+from server.access.caller import Caller
 from server.base.event_bus import EventBus
 
 Who: TypeAlias = tuple[str, str]

@@ -9,7 +9,7 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field, SecretStr
 
 from db.record import same
-from server.access.access import Caller
+from server.access.caller import Browser, Caller
 from server.access.dependency import AccessDep, GuardDep, TicketsDep, Viewer
 from server.access.guard import Guard
 from server.access.role import Role
@@ -23,11 +23,13 @@ router = APIRouter(tags=["session"])
 
 
 class SignInBody(Body):
-    """Name and password, or the token of a one-time sign-in."""
+    """Name and password, the token of a one-time sign-in, or the secret of a read-only link."""
 
     name: str | None = Field(default=None, max_length=NAME_LENGTH_MAX)
     password: SecretStr | None = Field(default=None, max_length=PASSWORD_LENGTH_MAX)
     token: SecretStr | None = Field(default=None, max_length=200)
+    link: SecretStr | None = Field(default=None, max_length=200)
+    """The secret of a read-only link."""
 
 
 class FirstAdminBody(Body):
@@ -46,6 +48,11 @@ class SessionView(View):
     name: str
     role: Role
     rights: list[str]
+    """For the station as a whole, and for all robots."""
+    robots: dict[str, Role]
+    """Roles for chosen robots; for each the higher of this and ``role`` holds."""
+    is_link: bool
+    """Whether it is a read-only link, which shows chosen robots to anybody and changes nothing."""
     csrf_token: str | None = field(repr=False)
     """Send it as ``X-CSRF-Token`` with every change; null for a bearer token, which needs none."""
     expires_at: datetime
@@ -72,11 +79,13 @@ async def sign_in(
     """Sign in by name and password, or by a one-time token; the answer sets the cookie."""
     _refuse_foreign_page(request, guard)
     if body.token is not None:
-        signed_in = await access.sign_in_once(body.token.get_secret_value())
+        signed_in = await access.sign_in_once(body.token.get_secret_value(), browser_of(request))
+    elif body.link is not None:
+        signed_in = await access.open_link(body.link.get_secret_value(), browser_of(request))
     elif body.name is not None and body.password is not None:
         password = body.password.get_secret_value()
         signed_in = await access.sign_in(
-            body.name, password, _host(request), guard.mark_of(request)
+            body.name, password, browser_of(request), guard.mark_of(request)
         )
     else:
         missing = "password" if body.name is not None else "name"
@@ -92,7 +101,7 @@ async def create_first_admin(
     """Create the first administrator with the code that the station printed, and sign in."""
     _refuse_foreign_page(request, guard)
     signed_in = await access.create_first_admin(
-        body.name, body.password.get_secret_value(), body.code, _host(request)
+        body.name, body.password.get_secret_value(), body.code, browser_of(request)
     )
     guard.set_cookies(request, response, signed_in)
     return _view(signed_in.caller)
@@ -126,7 +135,7 @@ async def sign_in_by_link(
     """Use a one-time sign-in up and go on to the operator app; a used link leads there too."""
     response = RedirectResponse("/", status_code=303)
     try:
-        signed_in = await access.sign_in_once(token)
+        signed_in = await access.sign_in_once(token, browser_of(request))
     except Problem as problem:
         if problem.status != 401:
             raise
@@ -135,8 +144,10 @@ async def sign_in_by_link(
     return response
 
 
-def _host(request: Request) -> str | None:
-    return None if request.client is None else request.client.host
+def browser_of(request: Request) -> Browser:
+    """Return from where a request comes."""
+    host = None if request.client is None else request.client.host
+    return Browser(host, request.headers.get("user-agent", ""))
 
 
 def _refuse_foreign_page(request: Request, guard: Guard) -> None:
@@ -146,4 +157,9 @@ def _refuse_foreign_page(request: Request, guard: Guard) -> None:
 
 
 def _view(caller: Caller) -> SessionView:
-    return same(SessionView, caller, rights=[right.value for right in caller.role.rights])
+    return same(
+        SessionView,
+        caller,
+        rights=[right.value for right in caller.role.rights],
+        robots=dict(caller.rights.by_robot),
+    )

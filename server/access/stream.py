@@ -12,7 +12,8 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from db.fault import StoreError
 from robot_link.clock import monotonic_s
-from server.access.access import Access, Caller, Proof
+from server.access.access import Access
+from server.access.caller import Caller, Proof
 from server.access.presence import Presence
 from server.access.secret import new_secret, secret_hash
 

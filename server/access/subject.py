@@ -45,6 +45,7 @@ class Subjects:
         self._resolvers: dict[str, tuple[str, Resolver]] = {"robot": ("robot", _itself)}
         self._details: set[str] = set()
         self._self_asking: set[tuple[str, str]] = set()
+        self._whole: tuple[str, ...] = ()
 
     def add(self, parameter: str, resolver: Resolver, kind: str | None = None) -> None:
         """Resolve a parameter, which names things of a kind; by default of its own name."""
@@ -67,6 +68,14 @@ class Subjects:
     def add_self_asking(self, method: str, path: str) -> None:
         """Note a route that names robots in its body, and asks ``Guard.check_robots`` itself."""
         self._self_asking.add((method, path))
+
+    def add_whole(self, *prefixes: str) -> None:
+        """Note paths that tell of the whole station: for whoever may see all robots alone."""
+        self._whole += prefixes
+
+    def is_whole(self, path: str) -> bool:
+        """Tell whether a route tells of the whole station."""
+        return path.startswith(self._whole)
 
     def asks_itself(self, method: str, path: str) -> bool:
         """Tell whether a route asks for the right on its robots itself."""

@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.alarm import route, rule_route
 from server.alarm.engine import Engine
 from server.alarm.rule_book import AlarmRulesChanged, RuleBook
@@ -20,6 +21,10 @@ REST_S = 0.25
 
 def install(foundation: Foundation) -> None:
     """Let the rules look at each robot whose status changed, and tell of every alarm."""
+    subjects = foundation.services.get(Subjects)
+    subjects.add_stored("alarm")
+    subjects.add_details("rule")
+    subjects.add_whole("/api/alarm-rules")
     fleet, clock, bus = foundation.services.get(Fleet), foundation.clock, foundation.bus
     looks = Wakeups(clock, REST_S)
     engine = Engine(fleet, foundation.alarms, clock, looks)

@@ -1,8 +1,10 @@
 """Alarms and their life: seen, noted, assigned, shelved (ISA-18.2)."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime, Field
@@ -21,6 +23,16 @@ from server.base.view import Body, RobotLevel, View, one_of
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
 NOTE_LENGTH_MAX = 500
 SHELF_MINUTES_MAX = 7 * 24 * 60
+_UNSAID: Mapping[str, Any] = MappingProxyType(
+    {
+        "acknowledged_by": None,
+        "note": "",
+        "noted_by": None,
+        "assigned_to": None,
+        "shelved_by": None,
+    }
+)
+"""What a read-only link is told in place of people and their words."""
 Note = Annotated[str, Field(min_length=1, max_length=NOTE_LENGTH_MAX, pattern=r"\S")]
 
 
@@ -101,19 +113,25 @@ async def list_alarms(
     Where there are more open ones than the limit, those that wait for a person and the gravest
     are returned.
     """
-    del caller
+    rights = caller.rights
+
+    def view(alarm: AlarmRecord) -> AlarmView:
+        return replace(_view(alarm), **_UNSAID) if caller.is_link else _view(alarm)
+
     if deployment is not None:
         period = period_of(deployment) or deployment.period
         alarms = await foundation.store.query(
             lambda session: alarms_of(session, deployment.robot, period, limit)
         )
     elif state == "open":
-        found = foundation.alarms.open
+        found = [alarm for alarm in foundation.alarms.open if rights.sees(alarm.robot)]
         first = sorted(found, key=_urgency)[:limit] if len(found) > limit else found
-        return AlarmsView([_view(alarm) for alarm in sorted(first, key=_age)], len(found))
+        return AlarmsView([view(alarm) for alarm in sorted(first, key=_age)], len(found))
     else:
-        alarms = await foundation.store.query(lambda session: closed_alarms(session, limit))
-    return AlarmsView([_view(alarm) for alarm in alarms], len(alarms))
+        alarms = await foundation.store.query(
+            lambda session: closed_alarms(session, limit, rights.robots)
+        )
+    return AlarmsView([view(alarm) for alarm in alarms], len(alarms))
 
 
 @router.post("/{alarm}/ack")

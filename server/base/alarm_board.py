@@ -33,7 +33,7 @@ import asyncio
 import itertools
 import logging
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
@@ -138,7 +138,14 @@ class AlarmBoard:
     @property
     def unacknowledged(self) -> int:
         """How many alarms nobody has seen yet."""
-        return sum(alarm.state in WAITING for alarm in self._open.values())
+        return self.unacknowledged_of(None)
+
+    def unacknowledged_of(self, robots: Collection[str] | None) -> int:
+        """Return how many alarms nobody has seen yet: all, or those of these robots."""
+        return sum(
+            alarm.state in WAITING and (robots is None or alarm.robot in robots)
+            for alarm in self._open.values()
+        )
 
     def worst_level(self, robot: str) -> str | None:
         """Return the highest level among the standing alarms of a robot that nobody parked."""

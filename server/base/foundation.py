@@ -112,7 +112,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     stack.push_async_callback(workers.stop)
     stack.push_async_callback(study_workers.stop)
     event_log = EventLog(store, bus)
-    feed = LiveFeed(store, clock, lambda: alarms.unacknowledged, event_log)
+    feed = LiveFeed(store, clock, alarms.unacknowledged_of, event_log)
     bus.subscribe(EventLogged, feed.take)
     lifetime = Lifetime(background)
     lifetime.on_closing(feed.close)

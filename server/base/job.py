@@ -110,10 +110,14 @@ class JobBoard:
         message = "The station stopped before the work was done; start it again."
         await self._store.write(lambda session: query.fail_open_jobs(session, at, message))
 
-    async def start(self, kind: str, work: JobWork, *, by: str) -> JobRecord:
-        """Start work; the answer is the job as it stands now."""
+    async def start(
+        self, kind: str, work: JobWork, *, by: str, robot: str | None = None
+    ) -> JobRecord:
+        """Start work, for a robot or the station; the answer is the job as it stands now."""
         at = self._clock.now()
-        job = await self._store.write(lambda session: query.add_job(session, kind, at=at, by=by))
+        job = await self._store.write(
+            lambda session: query.add_job(session, kind, at=at, by=by, robot=robot)
+        )
         job = replace(job, state="running")
         self._show(job)
         self._tasks[job.id] = asyncio.create_task(self._run(job.id, work), name=f"{kind} {job.id}")
@@ -225,6 +229,7 @@ class JobPerKey(Generic[Key]):
         work: Callable[[JobProgress], Awaitable[Mapping[str, Any]]],
         *,
         by: str,
+        robot: str | None = None,
     ) -> str:
         """Begin a job; return its id, that of the one under way if there is one.
 
@@ -245,7 +250,7 @@ class JobPerKey(Generic[Key]):
             running = self._running.get(key)
             if running is not None:
                 return running
-            job = await self._board.start(self._kind, until_done, by=by)
+            job = await self._board.start(self._kind, until_done, by=by, robot=robot)
             self._newest[key] = job.id
             if not is_over and any(one.id == job.id for one in self._board.running):
                 self._running[key] = job.id

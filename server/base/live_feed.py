@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Final
 
 import msgspec
 
@@ -46,6 +47,8 @@ _LEAST_S = 0.02
 
 Value = Callable[[], object]
 Send = Callable[[str], Awaitable[None]]
+CountAlarms = Callable[[frozenset[str] | None], int]
+"""Returns how many alarms nobody has seen yet, of some robots or, for ``None``, of all."""
 _encoder = msgspec.json.Encoder()
 
 
@@ -53,6 +56,7 @@ _encoder = msgspec.json.Encoder()
 class _Part:
     robot: str | None
     value: Value
+    public: Value | None = None
     changed: int = 0
     """Tick of the newest encoding."""
     encoded: msgspec.Raw | None = None
@@ -66,16 +70,43 @@ class _Happening:
     encoded: msgspec.Raw
 
 
+@dataclass(frozen=True, slots=True)
+class Audience:
+    """What one client may be told."""
+
+    robots: frozenset[str] | None = None
+    """Only of these robots, and nothing of the station as a whole; ``None`` for everything."""
+    is_public: bool = False
+    """Whether it is anybody at all, who is told what a part says to the public."""
+
+
+WHOLE: Final = Audience()
+
+
 @dataclass(slots=True)
 class _Reader:
     """Where one client is."""
 
     robots: frozenset[str] | None
+    """What it asked for."""
+    audience: Audience
     cursor: int
     seen: int = -1
 
     def wants(self, robot: str | None) -> bool:
+        """Tell whether a part or an event is for this client."""
+        may = self.audience.robots
+        if may is not None and robot not in may:
+            return False
         return self.robots is None or robot is None or robot in self.robots
+
+    def wants_part(self, section: str, part: _Part) -> bool:
+        """Tell whether a part is for this client; that something shared changed is for all."""
+        if section == CHANGED and part.robot is None:
+            return True
+        if self.audience.is_public and section != CHANGED and part.public is None:
+            return False
+        return self.wants(part.robot)
 
 
 class LiveFeed:
@@ -85,7 +116,7 @@ class LiveFeed:
     """
 
     def __init__(
-        self, store: Store, clock: Clock, count_alarms: Callable[[], int], log: EventLog
+        self, store: Store, clock: Clock, count_alarms: CountAlarms, log: EventLog
     ) -> None:
         self._store = store
         self._clock = clock
@@ -102,17 +133,27 @@ class LiveFeed:
         self._hurry = asyncio.Event()
         self._revisions = itertools.count(time.time_ns() // 1000)  # never one of an earlier run
         self._closed = False
-        self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
+        self._batches: dict[tuple[int, int, frozenset[str] | None, Audience], str] = {}
 
-    def put(self, section: str, key: str, value: Value, robot: str | None = None) -> None:
+    def put(
+        self,
+        section: str,
+        key: str,
+        value: Value,
+        robot: str | None = None,
+        *,
+        public: Value | None = None,
+    ) -> None:
         """Note that a part changed; ``value`` is asked for it at most once a tick.
+
+        What anybody may know of it, by a read-only link, is ``public``; by default nothing.
 
         Each section keeps its ``PARTS_PER_SECTION`` last changed parts for clients to come.
         """
         parts = self._parts[section]
         part = parts.pop(key, None) or _Part(robot, value)
         parts[key] = part
-        part.value = value
+        part.value, part.public = value, public
         if not part.is_due:
             part.is_due = True
             self._due.append(part)
@@ -140,7 +181,13 @@ class LiveFeed:
             await _set_within(self._hurry, TICK_S - _LEAST_S)
             await _set_within(self._news, QUIET_S - TICK_S)
 
-    async def follow(self, send: Send, robots: frozenset[str] | None, after: int | None) -> None:
+    async def follow(
+        self,
+        send: Send,
+        robots: frozenset[str] | None,
+        after: int | None,
+        audience: Audience = WHOLE,
+    ) -> None:
         """Send batches to one client until the feed closes or ``send`` fails.
 
         Args:
@@ -148,10 +195,11 @@ class LiveFeed:
             robots: Robots that the client asked for; ``None`` for all.
             after: Cursor of the last event that the client knows; ``None`` for the events from
                 now on.
+            audience: What the client may be told.
         """
         while not (self._ticks or self._closed):
             await self._tick.wait()
-        reader = _Reader(robots, self._cursor if after is None else after)
+        reader = _Reader(robots, audience, self._cursor if after is None else after)
         sent_s = -QUIET_S
         now_s = asyncio.get_running_loop().time
         while not self._closed:
@@ -195,13 +243,13 @@ class LiveFeed:
         if reader.seen < 0 or reader.cursor < self._cursor:
             return True
         return any(
-            part.changed > reader.seen and reader.wants(part.robot)
-            for parts in self._parts.values()
+            part.changed > reader.seen and reader.wants_part(section, part)
+            for section, parts in self._parts.items()
             for part in parts.values()
         )
 
     async def _batch(self, reader: _Reader) -> str:
-        key = (reader.seen, reader.cursor, reader.robots)
+        key = (reader.seen, reader.cursor, reader.robots, reader.audience)
         at = self._clock.now()
         if reader.cursor < self._forgotten:
             events = [
@@ -226,19 +274,24 @@ class LiveFeed:
         return list(newest_first)[::-1]
 
     def _encode(self, reader: _Reader, events: list[_Happening], cursor: int, at: datetime) -> str:
+        audience = reader.audience
         batch: dict[str, object] = {
             "at": at,
             "cursor": cursor,
-            "events": [event.encoded for event in events if reader.wants(event.robot)],
-            "alarms": {"unacknowledged": self._count_alarms()},
+            "events": [
+                event.encoded
+                for event in events
+                if reader.wants(event.robot) and not audience.is_public
+            ],
+            "alarms": {"unacknowledged": self._count_alarms(audience.robots)},
         }
         for section, parts in self._parts.items():
             batch[section] = {
-                key: part.encoded
+                key: part.public() if audience.is_public and part.public else part.encoded
                 for key, part in parts.items()
                 if part.encoded is not None
                 and part.changed > reader.seen
-                and reader.wants(part.robot)
+                and reader.wants_part(section, part)
             }
         return _encoder.encode(batch).decode()
 

@@ -3,10 +3,10 @@
 from functools import cached_property
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import Self
+from typing import Literal, Self
 
 import platformdirs
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 LINK_FOLDER = "links"
@@ -54,6 +54,22 @@ class Settings(BaseSettings):
     """How satellite gateways reach this station, such as ``https://station.example.org``."""
     session_hours: float = Field(default=12.0, gt=0)
     """How long a browser stays signed in."""
+    oidc_issuer: str | None = None
+    """Issuer of the provider of OpenID Connect that people may sign in by, exactly as it says."""
+    oidc_client_id: str = ""
+    """What the provider calls this station."""
+    oidc_client_secret: SecretStr | None = None
+    """The provider's secret of this station; none of a public client."""
+    oidc_client_secret_file: Path | None = None
+    """File that holds that secret, in its place."""
+    oidc_title: str = "your organisation"
+    """What stands on the button, after *Sign in with*."""
+    oidc_roles: dict[str, Literal["none", "viewer", "pilot", "admin"]] = Field(
+        default_factory=dict[str, Literal["none", "viewer", "pilot", "admin"]]
+    )
+    """Roles by ``group:NAME``, ``email:ADDRESS`` or ``*``; whoever has none may not sign in."""
+    oidc_groups_claim: str = "groups"
+    """Where the provider lists somebody's groups."""
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
 
@@ -92,6 +108,22 @@ class Settings(BaseSettings):
                 "DirectIP proves nothing: give directip_allowed the networks of the gateway"
             )
         return self
+
+    @model_validator(mode="after")
+    def _knows_its_provider(self) -> Self:
+        if self.oidc_issuer is not None and not (self.oidc_client_id and self.oidc_roles):
+            raise ValueError("oidc_issuer needs oidc_client_id, and oidc_roles of who may sign in")
+        if self.oidc_client_secret is not None and self.oidc_client_secret_file is not None:
+            raise ValueError("give oidc_client_secret or oidc_client_secret_file, not both")
+        return self
+
+    @property
+    def oidc_secret(self) -> str | None:
+        """The provider's secret of this station, from wherever it is kept."""
+        if self.oidc_client_secret_file is not None:
+            return self.oidc_client_secret_file.read_text().strip()
+        secret = self.oidc_client_secret
+        return None if secret is None else secret.get_secret_value()
 
     @property
     def has_tls(self) -> bool:

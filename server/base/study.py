@@ -218,7 +218,10 @@ class Studies(ABC, Generic[_Problem]):
         study = record.id
         try:
             job = await self._jobs.start(
-                self.kind, lambda progress: self._work(record, problem, progress), by=by
+                self.kind,
+                lambda progress: self._work(record, problem, progress),
+                by=by,
+                robot=record.robot,
             )
         except StoreError:
             remedy = "resume it" if self.can_resume else "start it again"

@@ -7,6 +7,7 @@ from db.query.station.people import list_tokens
 from server.access import register
 from server.access.role import Role
 from server.cli.data import clock_of, open_store, settings_of
+from server.cli.grant_option import add_grant_options, grants_of
 from server.cli.option import add_data_option
 
 
@@ -15,6 +16,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     create = actions.add_parser("create", help="create a token and print it, once")
     create.add_argument("--role", type=Role, choices=list(Role), required=True)
+    add_grant_options(create)
     create.add_argument("--name", default="script", help="stands in the log as who did something")
     create.add_argument("--days", type=float, default=30.0, help="how long it is valid")
     show = actions.add_parser("list", help="list the tokens, without their secrets")
@@ -37,6 +39,7 @@ def run(arguments: Namespace) -> int:
                         arguments.name,
                         arguments.role,
                         timedelta(days=arguments.days),
+                        grants=grants_of(arguments) or (),
                         at=at,
                         by="command line",
                     )

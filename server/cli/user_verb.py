@@ -5,13 +5,16 @@ import sys
 from argparse import ArgumentParser, Namespace
 from datetime import datetime, timedelta
 
+from db.query.station.grants import Holder, list_grants
 from db.query.station.people import list_people
 from db.store import Store
 from server.access import register
+from server.access.grant import words_of
 from server.access.role import Role
 from server.access.secret import hash_password
 from server.cli.data import clock_of, open_store, settings_of
 from server.cli.failure import CommandError
+from server.cli.grant_option import add_grant_options, grants_of
 from server.cli.option import add_data_option
 
 _BY = "command line"
@@ -28,6 +31,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     change.add_argument("--role", type=Role, choices=list(Role))
     change.add_argument("--disable", action="store_true", default=None)
     change.add_argument("--enable", dest="disable", action="store_false")
+    for action in (add, change):
+        add_grant_options(action)
     password = actions.add_parser("password", help="set a password; asks for it")
     password.add_argument("name")
     link = actions.add_parser("link", help="print a one-time sign-in path of a person")
@@ -58,7 +63,13 @@ def _change(store: Store, arguments: Namespace, at: datetime) -> None:
         password_hash = _asked_password()
         store.change(
             lambda session: register.add_person(
-                session, arguments.name, arguments.role, password_hash, at=at, by=_BY
+                session,
+                arguments.name,
+                arguments.role,
+                password_hash,
+                grants=grants_of(arguments) or (),
+                at=at,
+                by=_BY,
             )
         ).result()
         return
@@ -71,6 +82,7 @@ def _change(store: Store, arguments: Namespace, at: datetime) -> None:
             role=None if setting_password else arguments.role,
             disabled=None if setting_password else arguments.disable,
             password_hash=password_hash,
+            grants=None if setting_password else grants_of(arguments),
             at=at,
             by=_BY,
         )
@@ -88,9 +100,11 @@ def _link(store: Store, arguments: Namespace, at: datetime) -> None:
 
 def _list(store: Store) -> None:
     with store.read() as session:
+        grants = list_grants(session)
         for person in list_people(session):
             state = "disabled" if person.disabled_at else ""
-            print(f"{person.name}  {person.role}  {state}".rstrip())
+            words = words_of(person.role, grants.get(Holder(person=person.key), []))
+            print(f"{person.name}  {words}  {state}".rstrip())
 
 
 def _asked_password() -> str:

@@ -38,12 +38,12 @@ class FaultView(View):
 @router.get("")
 async def list_faults(caller: Viewer, demo: DemoDep) -> list[FaultView]:
     """Return every fault that each simulated robot can have. 404 on a station without a demo."""
-    del caller
     if not demo.is_open:
         raise not_found("This station runs no demo: no fault can be caused.")
     return [
         FaultView(robot, name, fault.title, fault.words, fault.since, fault.by, fault.needs_hands)
         for robot, faults in sorted(demo.robots.items())
+        if caller.rights.sees(robot)
         for name, fault in faults.items()
     ]
 

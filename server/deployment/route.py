@@ -87,11 +87,17 @@ async def list_deployments(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> DeploymentsView:
     """Return deployments, the newest first."""
-    del caller
+    seen = caller.rights.robots
 
     def views(session: Session) -> list[DeploymentView]:
         records = query_deployments(
-            session, robot=robot, state=state, is_void=void, before=before, limit=limit
+            session,
+            robot=robot,
+            robots=seen,
+            state=state,
+            is_void=void,
+            before=before,
+            limit=limit,
         )
         return [deployment_view(session, record) for record in records]
 

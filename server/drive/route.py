@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from db.fault import StoreUnavailableError
 from robot_link.drive import Stick
-from server.access.access import Caller
+from server.access.caller import Caller
 from server.access.dependency import GuardDep, SignInWatchDep, Viewer, WebSocketPilot
 from server.access.role import Right
 from server.access.stream import SignInWatch, serve_stream

@@ -8,6 +8,7 @@ from server.fleet.event import LinkSwitched, RobotChanged, RobotReported
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster
+from server.fleet.view import to_the_public
 from server.vehicle.vehicles import Vehicles
 from server.water.event import WaterChanged
 
@@ -32,7 +33,13 @@ def install(foundation: Foundation) -> None:
 
     def show(event: RobotReported) -> None:
         robot = event.robot
-        feed.put("robots", robot, lambda: views.live_view(robot), robot)
+        feed.put(
+            "robots",
+            robot,
+            lambda: views.live_view(robot),
+            robot,
+            public=lambda: to_the_public(views.live_view(robot)),
+        )
 
     def show_alarm(event: AlarmChanged) -> None:
         robot = event.alarm.robot

@@ -46,6 +46,7 @@ from server.fleet.view import (
     StateView,
     ToldChannelView,
     TrackView,
+    to_the_public,
 )
 from server.vehicle.vehicles import Vehicles
 from server.water.waters import Waters
@@ -89,9 +90,9 @@ async def list_robots(
     retired: Annotated[bool, Query(description="Those that are retired, instead.")] = False,
 ) -> list[RobotView]:
     """Return every robot with what it is doing, when it is heard next, and its worst alarm."""
-    del caller
     statuses = fleet.retired if retired else fleet.statuses
-    return [views.robot_view(status.record.id) for status in statuses]
+    robots = [status.record.id for status in statuses]
+    return [views.robot_view(robot) for robot in robots if caller.rights.sees(robot)]
 
 
 @router.get("/{robot}")
@@ -144,8 +145,8 @@ async def patch_robot(
 @router.get("/{robot}/state")
 async def get_state(caller: Viewer, robot: str, views: FleetViewsDep) -> StateView:
     """Return the newest value of every channel, each with its age."""
-    del caller
-    return views.state_view(robot)
+    view = views.state_view(robot)
+    return to_the_public(view) if caller.is_link else view
 
 
 @router.get("/{robot}/samples", response_model=SamplesView)

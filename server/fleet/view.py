@@ -1,8 +1,8 @@
 """A robot as the operator sees it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from autonomy.site import Site
 from robot_link.messages import OnboardPlanState, RobotMode
@@ -263,6 +263,16 @@ class LiveRobotView(StateView):
     drive_refusal: str
     """One sentence on why nobody can begin to drive it by hand now; empty where somebody can."""
     alarm_level: RobotLevel | None
+
+
+PublicState = TypeVar("PublicState", StateView, LiveRobotView)
+
+
+def to_the_public(view: PublicState) -> PublicState:
+    """Return of a robot's state what anybody may know: no address of a link, no person."""
+    if isinstance(view, LiveRobotView):
+        return replace(view, links=[], driver="", drive_refusal="")
+    return replace(view, links=[])
 
 
 @dataclass(frozen=True, slots=True)

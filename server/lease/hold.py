@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from db.query.station.events import add_event
 from db.query.station.settings import get_setting, put_setting
 from db.writer import tell_after_commit
-from server.access.access import Caller
+from server.access.caller import Caller
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.base.view import View

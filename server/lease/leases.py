@@ -12,7 +12,7 @@ from db.query.fleet.leases import LeaseRecord, get_lease, list_leases
 from db.query.station.people import find_person, find_token
 from robot_link.clock import SystemClock, monotonic_s
 from robot_link.lease_config import LeaseConfig
-from server.access.access import Caller
+from server.access.caller import Caller
 from server.access.dependency import tell_taken
 from server.access.guard import RobotAsk
 from server.access.presence import Presence, PresenceChanged, Who

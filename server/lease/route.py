@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends
 from pydantic import AfterValidator, Field
 
 from db.query.fleet.leases import LeaseRecord
-from server.access.access import Caller
+from server.access.caller import Caller
 from server.access.dependency import Pilot, PilotAtOnce, Viewer
 from server.access.role import Right
 from server.base.dependency import service

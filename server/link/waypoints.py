@@ -131,7 +131,7 @@ class Waypoints:
         async def work(progress: JobProgress) -> Mapping[str, Any]:
             return await self._upload(robot, mission, tuple(wanted), by, progress)
 
-        return await self._jobs.start(robot, work, by=by)
+        return await self._jobs.start(robot, work, by=by, robot=robot)
 
     async def read(self, robot: str, *, by: str) -> str:
         """Begin to read the mission on board; return the job's id.
@@ -140,7 +140,9 @@ class Waypoints:
             Problem: 404 for an unknown robot, 409 for one that takes no waypoints.
         """
         refuse_unless_able(self._fleet.status(robot), "waypoints")
-        return await self._jobs.start(robot, lambda progress: self._read(robot, progress), by=by)
+        return await self._jobs.start(
+            robot, lambda progress: self._read(robot, progress), by=by, robot=robot
+        )
 
     async def _upload(
         self,

@@ -21,6 +21,7 @@ _OWN = ("log.", "shift.", "page.")
 def install(foundation: Foundation) -> None:
     """Make the log book and its watches, and tell whoever reads it when it has something new."""
     subjects = foundation.services.get(Subjects)
+    subjects.add_whole("/api/logbook")
     subjects.add_details("entry", "page", "sha256")
     for method, path in route.ASK_THEMSELVES:
         subjects.add_self_asking(method, path)

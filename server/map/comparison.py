@@ -61,7 +61,7 @@ class MapComparisons:
         if group.live is None or not group.live.total:
             raise conflict(f"The map of {robot} has no sample yet; compare when it has some.")
         return await self._jobs.start(
-            group, lambda progress: self._compare(robot, group, progress, by), by=by
+            group, lambda progress: self._compare(robot, group, progress, by), by=by, robot=robot
         )
 
     def view(self, robot: str, variable: str) -> MapComparisonView:

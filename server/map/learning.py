@@ -119,7 +119,7 @@ class MapLearning:
         if group.live is not None:
             self._learned_at[_key(group)] = group.live.total
         return await self._jobs.start(
-            group, lambda progress: self._learn(robot, group, progress), by=by
+            group, lambda progress: self._learn(robot, group, progress), by=by, robot=robot
         )
 
     async def _learn(self, robot: str, group: MapGroup, progress: JobProgress) -> Mapping[str, Any]:

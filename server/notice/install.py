@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 from autonomy.frames import wgs84_from_ned
+from server.access.subject import Subjects
 from server.base.event_bus import AlarmChanged, EventLogged
 from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
@@ -18,6 +19,7 @@ ROUTERS = (route.router, link_route.router)
 
 def install(foundation: Foundation) -> None:
     """Tell people of every alarm, and who watches the station that it is alive."""
+    foundation.services.get(Subjects).add_details("contact", "person", "word")
     fleet = foundation.services.get(Fleet)
     notices = foundation.services.add(Notices(foundation, lambda: last_places(fleet), Sender()))
     heartbeat = foundation.services.add(Heartbeat(foundation))

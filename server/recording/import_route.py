@@ -61,5 +61,5 @@ async def start_import(
         with kept:
             return await run_import(order, store, clock, progress)
 
-    job = await foundation.jobs.start("import", work, by=caller.name)
+    job = await foundation.jobs.start("import", work, by=caller.name, robot=robot)
     return ImportView(job.id)

@@ -15,8 +15,10 @@ from db.query.station.journal import JournalRange, iterate_frames
 from db.record import same
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame
+from server.access.caller import Caller
 from server.access.dependency import Viewer
 from server.base.dependency import FoundationDep, StoreDep
+from server.base.problem import Problem
 from server.base.view import View
 from server.recording.tlog import tlog_blocks
 
@@ -64,7 +66,7 @@ async def read_journal(
     limit: Annotated[int, Query(ge=1, le=5000)] = 200,
 ) -> JournalView:
     """Return the first packets from ``start`` on."""
-    del caller
+    _refuse_all_of(caller, robot)
     wanted = JournalRange(robot, start, end)
 
     def read(session: Session) -> list[RawFrame]:
@@ -88,7 +90,7 @@ async def export_tlog(
     end: End = None,
 ) -> Response:
     """Return the MAVLink packets as a telemetry log for QGroundControl, MAVProxy or MAVSDK."""
-    del caller
+    _refuse_all_of(caller, robot)
     wanted = JournalRange(robot, start, end)
     await store.query(lambda session: next(iterate_frames(session, wanted), None))
     mark = "SIMULATION_" if foundation.settings.simulation else ""
@@ -103,6 +105,12 @@ async def export_tlog(
         media_type="application/octet-stream",
         headers={"Content-Disposition": f'attachment; filename="{name}"'},
     )
+
+
+def _refuse_all_of(caller: Caller, robot: str | None) -> None:
+    """Refuse packets of every robot, and of strangers, to whoever may see some robots alone."""
+    if robot is None and not caller.rights.sees(None):
+        raise Problem(403, f"Name a robot: {caller.name} may see chosen ones alone.")
 
 
 def _packet(frame: RawFrame, codec: Codec) -> PacketView:

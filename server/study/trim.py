@@ -73,7 +73,7 @@ class TrimAdvices:
             )
             return kept.model_dump(mode="json")
 
-        job = await self._foundation.jobs.start("trim advice", work, by=by)
+        job = await self._foundation.jobs.start("trim advice", work, by=by, robot=robot)
         return job.id
 
     async def accept(self, robot: str, advice: str, share: float, *, by: str) -> TrimView:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query, Response
 
+from db.fault import UnknownIdError
 from db.query.fleet.robots import list_robots
 from db.query.station.configurations import configuration_history, get_configuration
 from db.record import same
@@ -68,8 +69,8 @@ class VersionView(View):
 @router.get("")
 async def list_kinds(caller: Viewer, store: StoreDep) -> list[KindView]:
     """Return which models there are."""
-    del caller
-    robots = [one for one in await store.query(list_robots) if one.kind != "recorded"]
+    known = await store.query(list_robots)
+    robots = [one for one in known if one.kind != "recorded" and caller.rights.sees(one.id)]
     return [
         KindView(kind.key, kind.title, [str(one.id) for one in robots if fits(kind.key, one)])
         for kind in KINDS.values()
@@ -79,8 +80,9 @@ async def list_kinds(caller: Viewer, store: StoreDep) -> list[KindView]:
 @router.get("/versions/{version}")
 async def get_version(caller: Viewer, version: str, store: StoreDep) -> VersionView:
     """Return one version, however old: a plan cites the one that it used."""
-    del caller
     record = await store.query(lambda session: get_configuration(session, version))
+    if record.robot is not None and not caller.rights.sees(record.robot):
+        raise UnknownIdError("config", version)
     return VersionView(
         record.kind,
         record.robot,

@@ -21,7 +21,7 @@ from db.query.station.events import (
 )
 from server.access.dependency import Viewer
 from server.base.dependency import DeploymentDep, FoundationDep, StoreDep, period_of
-from server.base.problem import conflict
+from server.base.problem import Problem, conflict
 from server.base.view import CURSOR_MAX, EventData, View, one_of
 from server.system.event_export import blocks
 
@@ -99,7 +99,7 @@ async def list_events(
     A cursor that this log has not reached is refused: it comes from another database, and would
     wait for what it has missed already.
     """
-    del caller
+    wanted = replace(wanted, robots=caller.rights.robots)
     if deployment is not None:
         period = period_of(deployment)
         of_it = replace(wanted, robot=deployment.robot, period=period)
@@ -134,8 +134,8 @@ class ActorsView(View):
 @router.get("/actors")
 async def list_actors(caller: Viewer, store: StoreDep) -> ActorsView:
     """Return who caused events, people, scripts and command lines, by name."""
-    del caller
-    return ActorsView(await store.query(actors))
+    seen = caller.rights.robots
+    return ActorsView(await store.query(lambda session: actors(session, seen)))
 
 
 @router.get(
@@ -147,8 +147,10 @@ async def export_events(caller: Viewer, store: StoreDep) -> StreamingResponse:
     """Return the whole log as lines of JSON, the oldest first, with the hashes of its chain.
 
     `hash` is SHA-256 over the hash of the line before (32 zero bytes at first) and `hashed`.
+    403 for whoever may see some robots alone: the chain holds as a whole only.
     """
-    del caller
+    if not caller.rights.sees(None):
+        raise Problem(403, "The whole log is for those who may see all robots.")
     name = "attachment; filename=grace-events.ndjson"
     return StreamingResponse(
         blocks(store), media_type="application/x-ndjson", headers={"Content-Disposition": name}

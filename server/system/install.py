@@ -26,16 +26,17 @@ ROUTERS = (
 
 def install(foundation: Foundation) -> None:
     """Show jobs in the live stream, and tell there of a change of the catalogue of channels."""
-    subjects = foundation.services.get(Subjects)
-    subjects.add("job", _of_the_station)
-    subjects.add_details("key", "kind", "version")
     feed = foundation.feed
     foundation.services.add(feed)
+
+    async def robot_of_job(job: str) -> tuple[str, ...]:
+        robot = (await foundation.jobs.get(job)).robot
+        return () if robot is None else (robot,)
+
+    subjects = foundation.services.get(Subjects)
+    subjects.add("job", robot_of_job)
+    subjects.add_details("key", "kind", "version")
     foundation.bus.subscribe(ChannelsChanged, lambda _: feed.mark("channels"))
     foundation.bus.subscribe(
-        JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job)
+        JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job, event.job.robot)
     )
-
-
-async def _of_the_station(_: str) -> tuple[str, ...]:
-    return ()

@@ -47,9 +47,9 @@ async def list_jobs(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> JobsView:
     """Return jobs, the newest first."""
-    del caller
+    seen = caller.rights.robots
     records = await foundation.store.query(
-        lambda session: query_jobs(session, before=before, limit=limit)
+        lambda session: query_jobs(session, robots=seen, before=before, limit=limit)
     )
     running = {job.id: job for job in foundation.jobs.running}
     return JobsView([job_view(running.get(record.id, record)) for record in records])

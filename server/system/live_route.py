@@ -8,7 +8,7 @@ from db.query.station.events import last_cursor
 from server.access.dependency import SignInWatchDep, WebSocketViewer
 from server.access.stream import serve_stream
 from server.base.dependency import StoreDep, service
-from server.base.live_feed import LiveFeed
+from server.base.live_feed import Audience, LiveFeed
 from server.base.view import CURSOR_MAX
 
 router = APIRouter(tags=["live"])
@@ -29,13 +29,14 @@ async def live(
     ] = None,
 ) -> None:
     """Send what changed, ten times a second, until the browser leaves or its sign-in ends."""
+    audience = Audience(caller.rights.robots, is_public=caller.is_link)
     wanted = None if robots is None else frozenset(filter(None, robots.split(",")))
     if after is not None and after > await store.query(last_cursor):
         after = None  # of another database: what it waits for would never come
     await websocket.accept()
 
     async def tell() -> None:
-        await feed.follow(websocket.send_text, wanted, after)
+        await feed.follow(websocket.send_text, wanted, after, audience)
 
     async def hear() -> None:
         """Wait for the client to leave; what it says meanwhile is ignored."""

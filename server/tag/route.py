@@ -172,7 +172,7 @@ async def import_detections(
         foundation.feed.mark("tags", robot)
         return done
 
-    job = await foundation.jobs.start("detections", work, by=caller.name)
+    job = await foundation.jobs.start("detections", work, by=caller.name, robot=robot)
     return DetectionImportView(job.id)
 
 

@@ -29,8 +29,8 @@ VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
 @router.get("")
 async def list_vehicles(caller: Viewer, store: StoreDep, vehicles: VehiclesDep) -> VehiclesView:
     """Return every vehicle that a robot can be, and which robots are."""
-    del caller
-    robots = await store.query(list_robots)
+    known = await store.query(list_robots)
+    robots = [robot for robot in known if caller.rights.sees(robot.id)]
     return VehiclesView([_view(entry, robots) for entry in vehicles.entries])
 
 

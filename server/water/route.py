@@ -28,8 +28,8 @@ Lines = Annotated[int, Query(ge=2, le=1000, description="Lines of the longer sid
 @router.get("")
 async def list_waters(caller: Viewer, waters: WatersDep) -> list[WaterView]:
     """Return every water, retired ones too."""
-    del caller
-    return [_view(*kept) for kept in await waters.list()]
+    seen = caller.rights.robots
+    return [_view(water, _among(robots, seen)) for water, robots in await waters.list()]
 
 
 @router.post("", status_code=201)
@@ -48,10 +48,9 @@ async def create_water(
 @router.get("/{water}")
 async def get_water(caller: Viewer, water: str, waters: WatersDep, response: Response) -> WaterView:
     """Return one water; its version is the ``ETag``."""
-    del caller
     record, robots = await waters.get(water)
     response.headers["ETag"] = etag(record)
-    return _view(record, robots)
+    return _view(record, _among(robots, caller.rights.robots))
 
 
 @router.patch("/{water}")
@@ -110,6 +109,11 @@ def _view(water: WaterRecord, robots: tuple[str, ...]) -> WaterView:
         robots=list(robots),
         is_retired=water.retired_at is not None,
     )
+
+
+def _among(robots: tuple[str, ...], seen: frozenset[str] | None) -> tuple[str, ...]:
+    """Return of these robots those that somebody may see."""
+    return robots if seen is None else tuple(robot for robot in robots if robot in seen)
 
 
 def _geojson(site: Site) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 A deployment is planned, begins, ends and is kept; ``db.query.fleet.deployment_change`` changes it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Final
@@ -98,6 +98,7 @@ def list_deployments(
     session: Session,
     *,
     robot: str | None = None,
+    robots: Collection[str] | None = None,
     state: str | None = None,
     is_void: bool = False,
     before: str | None = None,
@@ -108,6 +109,7 @@ def list_deployments(
     Args:
         session: A reading session.
         robot: Only those of this robot.
+        robots: Only those of these robots.
         state: Only those in this state.
         is_void: Void ones instead of those that count.
         before: Public id of the last one of the list so far.
@@ -123,6 +125,8 @@ def list_deployments(
     )
     if robot is not None:
         statement = statement.where(Deployment.robot_key == robot_key(session, robot))
+    if robots is not None:
+        statement = statement.where(Robot.id.in_(robots))
     if state is not None:
         statement = statement.where(Deployment.state == state)
     if before is not None:

@@ -15,7 +15,7 @@ from db.schedule_tables import ScheduledSendRow
 from db.study_tables import Study
 from db.tables import Alarm, Base, Command, Deployment, Mission, Plan, Robot, Transfer
 
-_TABLES: Mapping[str, type[Base]] = MappingProxyType(
+TABLES: Mapping[str, type[Base]] = MappingProxyType(
     {
         "alarm": Alarm,
         "checklist": ChecklistRunRow,
@@ -30,6 +30,7 @@ _TABLES: Mapping[str, type[Base]] = MappingProxyType(
         "whatif": Study,
     }
 )
+"""Of each kind of public id, the table that holds it and its ``robot_key``."""
 
 
 def robot_of(session: Session, kind: str, identity: str) -> str | None:
@@ -38,7 +39,7 @@ def robot_of(session: Session, kind: str, identity: str) -> str | None:
     Raises:
         UnknownIdError: If there is nothing of this kind and id.
     """
-    table = cast("Any", _TABLES[kind])
+    table = cast("Any", TABLES[kind])
     number = key_of(kind, identity)
     found = session.execute(
         select(table.robot_key, Robot.id)

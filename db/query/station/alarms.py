@@ -1,6 +1,6 @@
 """Alarms as the database keeps them; their life cycle is ``server.base.alarm_board``'s."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -84,9 +84,12 @@ def open_alarms(session: Session) -> list[AlarmRecord]:
     return [_record(row, robot) for row, robot in session.execute(statement)]
 
 
-def closed_alarms(session: Session, limit: int) -> list[AlarmRecord]:
-    """Return the last closed alarms, the newest first."""
-    return _newest(session, limit, Alarm.state == "closed")
+def closed_alarms(
+    session: Session, limit: int, robots: Collection[str] | None = None
+) -> list[AlarmRecord]:
+    """Return the last closed alarms, of these robots where they are given, the newest first."""
+    of_them = () if robots is None else (Robot.id.in_(robots),)
+    return _newest(session, limit, Alarm.state == "closed", *of_them)
 
 
 def alarms_of(session: Session, robot: str, period: Period, limit: int) -> list[AlarmRecord]:

@@ -1,6 +1,6 @@
 """Everything that happened, in order, with a cursor that survives a restart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -93,6 +93,8 @@ class EventFilter:
     """A part of the sentence or of the kind, in any case."""
     before: int | None = None
     """Only what is older than this cursor."""
+    robots: frozenset[str] | None = None
+    """Only what belongs to one of these robots."""
 
 
 ALL_EVENTS = EventFilter()
@@ -127,9 +129,11 @@ def events_by_time(
     return [_record(row, name) for row, name in rows]
 
 
-def actors(session: Session) -> list[str]:
-    """Return everybody who caused an event, by name."""
+def actors(session: Session, robots: Collection[str] | None = None) -> list[str]:
+    """Return everybody who caused an event, of these robots where they are given, by name."""
     statement = select(Event.actor).where(Event.actor.is_not(None)).distinct()
+    if robots is not None:
+        statement = statement.join(Robot, Event.robot_key == Robot.key).where(Robot.id.in_(robots))
     return sorted(name for name in session.scalars(statement) if name is not None)
 
 
@@ -150,6 +154,8 @@ def _wanted(session: Session, wanted: EventFilter) -> Select[Event, str]:
         sought = wanted.text.lower()
         said = func.lower(Event.text).contains(sought, autoescape=True)
         statement = statement.where(said | func.lower(Event.kind).contains(sought, autoescape=True))
+    if wanted.robots is not None:
+        statement = statement.where(Robot.id.in_(wanted.robots))
     if wanted.before is not None:
         statement = statement.where(Event.cursor < wanted.before)
     return statement

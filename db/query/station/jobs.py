@@ -1,6 +1,6 @@
 """Long work that was asked for, as the database keeps it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -31,9 +31,13 @@ class JobRecord:
     created_at: datetime
     created_by: str
     ended_at: datetime | None
+    robot: str | None = None
+    """Whose; ``None`` of what is about the station."""
 
 
-def add_job(session: Session, kind: str, *, at: datetime, by: str) -> JobRecord:
+def add_job(
+    session: Session, kind: str, *, at: datetime, by: str, robot: str | None = None
+) -> JobRecord:
     """Add a queued job."""
     row = Job(
         kind=kind,
@@ -43,6 +47,7 @@ def add_job(session: Session, kind: str, *, at: datetime, by: str) -> JobRecord:
         result=None,
         created_at=at,
         created_by=by,
+        robot=robot,
     )
     session.add(row)
     session.flush()
@@ -73,9 +78,20 @@ def get_job(session: Session, job: str) -> JobRecord:
     return _record(row)
 
 
-def list_jobs(session: Session, *, before: str | None = None, limit: int = 100) -> list[JobRecord]:
-    """Return jobs, the newest first; ``before`` continues a list after its last id."""
+def list_jobs(
+    session: Session,
+    *,
+    robots: Collection[str] | None = None,
+    before: str | None = None,
+    limit: int = 100,
+) -> list[JobRecord]:
+    """Return jobs, the newest first; ``before`` continues a list after its last id.
+
+    Where ``robots`` are given, only jobs of theirs.
+    """
     statement = select(Job).order_by(Job.key.desc()).limit(limit)
+    if robots is not None:
+        statement = statement.where(Job.robot.in_(robots))
     if before is not None:
         statement = statement.where(Job.key < key_of("job", before))
     return [_record(row) for row in session.scalars(statement)]

@@ -3,16 +3,18 @@
 Secrets never reach the database: sessions and tokens are found by the hash of theirs.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import Select, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from db import person_tables
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
-from db.person_tables import Person, Token
+from db.person_tables import Person, PersonIdentity, Token
+from db.query.station.grants import Holder
 from db.record import same
 
 
@@ -24,8 +26,10 @@ class PersonExistsError(StoreError):
 class PersonRecord:
     """Someone who may sign in."""
 
+    key: int
     name: str
     role: str
+    """For all robots; what more they may do with chosen ones is a grant."""
     password_hash: str | None
     """Without a hash the person signs in by one-time tokens only."""
     created_at: datetime
@@ -34,21 +38,31 @@ class PersonRecord:
 
 @dataclass(frozen=True, slots=True)
 class SessionRecord:
-    """A browser that signed in."""
+    """A browser that signed in: of a person, or of nobody by a read-only link."""
 
-    person: PersonRecord
-    csrf_token: str
+    id: str
+    secret_hash: str
+    person: PersonRecord | None
+    link: "TokenRecord | None"
+    csrf_token: str = field(repr=False)
+    created_at: datetime
     expires_at: datetime
+    address: str
+    """Of the machine that it came from."""
+    browser: str
+    """What it called itself."""
+    seen_at: datetime | None
 
 
 @dataclass(frozen=True, slots=True)
 class TokenRecord:
-    """A bearer token of a script, or a one-time sign-in of a person."""
+    """A bearer token of a script, a one-time sign-in of a person, or a read-only link."""
 
     id: str
     name: str
     role: str
     one_time: bool
+    is_link: bool
     created_at: datetime
     expires_at: datetime
     used_at: datetime | None
@@ -91,6 +105,22 @@ def list_people(session: Session) -> list[PersonRecord]:
     return [_person(row) for row in session.scalars(select(Person).order_by(Person.key))]
 
 
+def person_of_identity(session: Session, issuer: str, subject: str) -> PersonRecord | None:
+    """Return the person whom a provider of OpenID Connect knows as this subject."""
+    row = session.scalar(
+        select(Person)
+        .join(PersonIdentity, PersonIdentity.person_key == Person.key)
+        .where(PersonIdentity.issuer == issuer, PersonIdentity.subject == subject)
+    )
+    return None if row is None else _person(row)
+
+
+def add_identity(session: Session, person: PersonRecord, issuer: str, subject: str) -> None:
+    """Let a subject of a provider be a person."""
+    session.add(PersonIdentity(person_key=person.key, issuer=issuer, subject=subject))
+    session.flush()
+
+
 def change_person(
     session: Session,
     name: str,
@@ -100,7 +130,7 @@ def change_person(
     disabled: bool | None = None,
     at: datetime,
 ) -> PersonRecord:
-    """Change what is given; every session of the person ends, so that the change holds at once.
+    """Change what is given; if anything is, every session of the person ends.
 
     Raises:
         UnknownIdError: If there is no such person.
@@ -114,57 +144,114 @@ def change_person(
         row.password_hash = password_hash
     if disabled is not None:
         row.disabled_at = at if disabled else None
-    session.execute(
-        delete(person_tables.Session).where(person_tables.Session.person_key == row.key)
-    )
+    if not (role is None and password_hash is None and disabled is None):
+        session.execute(
+            delete(person_tables.Session).where(person_tables.Session.person_key == row.key)
+        )
     session.flush()
     return _person(row)
 
 
 def add_session(
     session: Session,
-    person: str,
+    holder: Holder,
     *,
     secret_hash: str,
     csrf_token: str,
     at: datetime,
     expires_at: datetime,
+    address: str = "",
+    browser: str = "",
 ) -> None:
-    """Add a session of a person, and forget those that have expired.
-
-    Raises:
-        UnknownIdError: If there is no such person.
-    """
-    key = session.scalar(select(Person.key).where(Person.name == person))
-    if key is None:
-        raise UnknownIdError("person", person)
+    """Add a session of a person or of a read-only link, and forget those that have expired."""
     session.execute(delete(person_tables.Session).where(person_tables.Session.expires_at <= at))
     session.add(
         person_tables.Session(
             secret_hash=secret_hash,
             csrf_token=csrf_token,
-            person_key=key,
+            person_key=holder.person,
+            token_key=holder.token,
             created_at=at,
             expires_at=expires_at,
+            address=address,
+            browser=browser,
+            seen_at=at,
         )
     )
 
 
 def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRecord | None:
-    """Return the session of this secret, unless it expired or its person was disabled."""
-    found = session.execute(
-        select(person_tables.Session, Person)
-        .join(Person, person_tables.Session.person_key == Person.key)
+    """Return the session of this secret, unless it or what it came in by has ended."""
+    statement = _sessions(at).where(person_tables.Session.secret_hash == secret_hash)
+    found = session.execute(statement).one_or_none()
+    return None if found is None else _session(*found)
+
+
+def list_sessions(session: Session, at: datetime, person: str | None = None) -> list[SessionRecord]:
+    """Return the sessions that hold, the newest first: everybody's, or those of a person."""
+    statement = _sessions(at).order_by(person_tables.Session.key.desc())
+    if person is not None:
+        statement = statement.where(Person.name == person)
+    return [_session(*row) for row in session.execute(statement)]
+
+
+def note_seen(session: Session, seen: Mapping[str, datetime]) -> None:
+    """Note when sessions were seen last, by the hashes of their secrets."""
+    row = person_tables.Session
+    for digest, at in seen.items():
+        session.execute(update(row).where(row.secret_hash == digest).values(seen_at=at))
+    links = select(row.token_key).where(row.secret_hash.in_(seen), row.token_key.is_not(None))
+    newest = max(seen.values(), default=None)
+    session.execute(update(Token).where(Token.key.in_(links)).values(used_at=newest))
+
+
+def end_session_of_id(session: Session, identity: str, person: str | None) -> SessionRecord:
+    """End one session; of this person only, where one is given.
+
+    Raises:
+        UnknownIdError: If there is none.
+    """
+    key = key_of("session", identity)
+    row = session.get(person_tables.Session, key)
+    owner = None if row is None or row.person_key is None else session.get(Person, row.person_key)
+    if row is None or (person is not None and (owner is None or owner.name != person)):
+        raise UnknownIdError("session", identity)
+    link = None if row.token_key is None else session.get(Token, row.token_key)
+    record = _session(row, owner, link)
+    session.delete(row)
+    return record
+
+
+def end_sessions_of(session: Session, person: str, but: str) -> int:
+    """End every session of a person but the one of this secret's hash; return how many."""
+    row = person_tables.Session
+    ended = session.scalars(
+        delete(row)
         .where(
-            person_tables.Session.secret_hash == secret_hash,
-            person_tables.Session.expires_at > at,
-            Person.disabled_at.is_(None),
+            row.person_key == select(Person.key).where(Person.name == person).scalar_subquery(),
+            row.secret_hash != but,
         )
-    ).one_or_none()
-    if found is None:
-        return None
-    row, person = found
-    return SessionRecord(_person(person), row.csrf_token, row.expires_at)
+        .returning(row.key)
+    )
+    return len(ended.all())
+
+
+def _sessions(at: datetime) -> Select[person_tables.Session, Person, Token]:
+    """Return a query for the sessions that hold, with what each came in by."""
+    row = person_tables.Session
+    return (
+        select(row, Person, Token)
+        .outerjoin(Person, row.person_key == Person.key)
+        .outerjoin(Token, row.token_key == Token.key)
+        .where(
+            row.expires_at > at,
+            Person.disabled_at.is_(None),
+            or_(
+                row.token_key.is_(None),
+                (Token.revoked_at.is_(None) & (Token.expires_at > at)),
+            ),
+        )
+    )
 
 
 def has_expired(session: Session, at: datetime) -> bool:
@@ -201,8 +288,9 @@ def add_token(
     at: datetime,
     expires_at: datetime,
     person: str | None = None,
+    is_link: bool = False,
 ) -> TokenRecord:
-    """Add a bearer token, or, where ``person`` is given, a one-time sign-in of that person.
+    """Add a bearer token, a read-only link, or, of a ``person``, their one-time sign-in.
 
     Raises:
         UnknownIdError: If there is no such person.
@@ -218,6 +306,7 @@ def add_token(
         role=role,
         person_key=key,
         one_time=person is not None,
+        is_link=is_link,
         created_at=at,
         expires_at=expires_at,
     )
@@ -228,10 +317,22 @@ def add_token(
 
 def find_token(session: Session, secret_hash: str, at: datetime) -> TokenRecord | None:
     """Return the bearer token of this secret, unless it expired or was revoked."""
+    return _find_token(session, secret_hash, at, is_link=False)
+
+
+def find_link(session: Session, secret_hash: str, at: datetime) -> TokenRecord | None:
+    """Return the read-only link of this secret, unless it expired or was revoked."""
+    return _find_token(session, secret_hash, at, is_link=True)
+
+
+def _find_token(
+    session: Session, secret_hash: str, at: datetime, *, is_link: bool
+) -> TokenRecord | None:
     row = session.scalar(
         select(Token).where(
             Token.secret_hash == secret_hash,
             Token.one_time.is_(False),
+            Token.is_link.is_(is_link),
             Token.expires_at > at,
             Token.revoked_at.is_(None),
         )
@@ -260,31 +361,47 @@ def use_one_time_token(session: Session, secret_hash: str, at: datetime) -> Pers
     return _person(person)
 
 
-def list_tokens(session: Session) -> list[TokenRecord]:
-    """Return every bearer token, the newest first."""
+def list_tokens(session: Session, *, are_links: bool = False) -> list[TokenRecord]:
+    """Return every bearer token, or every read-only link, the newest first."""
     rows = session.scalars(
-        select(Token).where(Token.one_time.is_(False)).order_by(Token.key.desc())
+        select(Token)
+        .where(Token.one_time.is_(False), Token.is_link.is_(are_links))
+        .order_by(Token.key.desc())
     )
     return [_token(row) for row in rows]
 
 
 def revoke_token(session: Session, token: str, at: datetime) -> None:
-    """Revoke a bearer token; doing so twice keeps the first moment.
+    """Revoke a bearer token or a read-only link; doing so twice keeps the first moment.
 
     Raises:
-        UnknownIdError: If there is no such token.
+        UnknownIdError: If there is no such token or link.
     """
-    key = key_of("token", token)
-    if session.get(Token, key) is None:
-        raise UnknownIdError("token", token)
+    kind = token.partition("-")[0]
+    key = key_of("link" if kind == "link" else "token", token)
+    row = session.get(Token, key)
+    if row is None or row.is_link != (kind == "link"):
+        raise UnknownIdError(kind, token)
     session.execute(
         update(Token).where(Token.key == key, Token.revoked_at.is_(None)).values(revoked_at=at)
     )
 
 
 def _person(row: Person) -> PersonRecord:
-    return PersonRecord(row.name, row.role, row.password_hash, row.created_at, row.disabled_at)
+    return same(PersonRecord, row)
+
+
+def _session(
+    row: person_tables.Session, person: Person | None, link: Token | None
+) -> SessionRecord:
+    return same(
+        SessionRecord,
+        row,
+        id=public_id("session", row.key),
+        person=None if person is None else _person(person),
+        link=None if link is None else _token(link),
+    )
 
 
 def _token(row: Token) -> TokenRecord:
-    return same(TokenRecord, row, id=public_id("token", row.key))
+    return same(TokenRecord, row, id=public_id("link" if row.is_link else "token", row.key))

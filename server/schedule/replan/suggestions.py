@@ -168,7 +168,7 @@ class Suggestions:
             finally:
                 self._foundation.feed.mark("suggestion", robot)
 
-        job = await self._jobs.start(robot, work, by=by)
+        job = await self._jobs.start(robot, work, by=by, robot=robot)
         self._foundation.feed.mark("suggestion", robot)
         return job
 

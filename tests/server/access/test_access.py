@@ -17,8 +17,10 @@ from server.access import (
     people_route,
     register,
     session_route,
+    sign_in_route,
     stream,
 )
+from server.access.caller import Caller, Proof
 from server.access.guard import Guard
 from server.access.role import Rights, Role
 from server.base.settings import Settings
@@ -148,14 +150,16 @@ async def test_name_and_password_open_a_session_and_signing_out_ends_it(admin, a
 
 def test_who_holds_a_secret_does_not_show_it_in_its_own_words():
     at, word = datetime.now(UTC), "s3cret-word"
-    proof = access.Proof("token", "digest")
-    caller = access.Caller("ann", Rights(Role.ADMIN), at, word, proof)
+    proof = Proof("token", "digest")
+    somebody = Caller("ann", Rights(Role.ADMIN), at, word, proof)
+    token = TokenRecord("1", "ann", Role.ADMIN, False, False, at, at, None, None)
     holders = [
-        caller,
-        access.SignedIn(word, caller),
-        register.IssuedToken(word, TokenRecord("1", "ann", Role.ADMIN, False, at, at, None, None)),
+        somebody,
+        access.SignedIn(word, somebody),
+        register.IssuedToken(word, token),
+        sign_in_route.NewLinkView("1", word, at),
         people_route.NewTokenView("1", word, at),
-        session_route.SessionView("ann", Role.ADMIN, [], word, at),
+        session_route.SessionView("ann", Role.ADMIN, [], {}, False, word, at),
         session_route.TicketView(word, 60.0),
     ]
     assert not [one for one in holders if word in repr(one)]

@@ -28,7 +28,7 @@ def feed_of(store, alarms=0):
     """Return a live stream, and the reader of the log that tells it of events."""
     bus = EventBus()
     log = EventLog(store, bus)
-    feed = LiveFeed(store, SystemClock(), lambda: alarms, log)
+    feed = LiveFeed(store, SystemClock(), lambda _: alarms, log)
     bus.subscribe(EventLogged, feed.take)
     return feed, log
 

@@ -10,6 +10,7 @@ import pytest
 import pytest_asyncio
 from sqlalchemy.orm import Session
 
+from db.query.station.grants import Holder
 from db.query.station.people import add_person, add_session, find_person
 from robot_link.clock import Clock
 from server.access import presence as presence_module
@@ -36,7 +37,8 @@ async def person_at(
         if find_person(session, name) is None:
             add_person(session, name, role, None, now)
         digest, end = secret_hash(secret), now + timedelta(hours=8)
-        add_session(session, name, secret_hash=digest, csrf_token=csrf, at=now, expires_at=end)
+        holder = Holder(person=find_person(session, name).key)
+        add_session(session, holder, secret_hash=digest, csrf_token=csrf, at=now, expires_at=end)
 
     await station.foundation.store.write(write)
     async with httpx.AsyncClient(

@@ -74,6 +74,8 @@ export class Api {
   signIn = (name: string, password: string) =>
     done(this.#http.POST('/api/session', { body: { name, password } }));
 
+  openLink = (link: string) => done(this.#http.POST('/api/session', { body: { link } }));
+
   createFirstPerson = (name: string, password: string, code: string) =>
     done(this.#http.POST('/api/session/first', { body: { name, password, code } }));
 

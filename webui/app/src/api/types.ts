@@ -114,6 +114,8 @@ export type {
   MapComparisonView as MapComparison,
   MapEntryView as MapListing,
   MissionView as Mission,
+  GrantView as Grant,
+  NewLinkView as NewLink,
   NewTokenView as NewToken,
   SigningKeyView as SigningKey,
   SigningView as Signing,

@@ -18,6 +18,7 @@ import type {
   Transfer,
 } from '../api/types';
 import { StationClock } from './clock';
+import { takenFromAddress } from './address_word';
 import { Fetched } from './fetched.svelte';
 import { Leases } from './lease.svelte';
 import { LiveSocket } from './socket';
@@ -117,7 +118,11 @@ export class Station {
   readonly isSilent = $derived(this.silence !== null && !this.isLive);
   /** Station time, ms since 1970. */
   readonly now = $derived(this.clock.at(this.localNow));
-  readonly mayCommand = $derived(this.session?.role === 'pilot' || this.session?.role === 'admin');
+  /** Whether somebody may command any robot; the station refuses others by itself. */
+  readonly mayCommand = $derived.by(() => {
+    const roles = [this.session?.role, ...Object.values(this.session?.robots ?? {})];
+    return roles.includes('pilot') || roles.includes('admin');
+  });
 
   /** Why this person can send a robot nothing now, one sentence; empty where they can. */
   whyNotSend(robot: string): string {
@@ -129,6 +134,8 @@ export class Station {
   async begin(): Promise<void> {
     try {
       this.#setHealth(await this.api.health());
+      const secret = takenFromAddress('look');
+      if (secret !== null) await this.api.openLink(secret);
       this.session = await this.api.session();
       this.outage = null;
     } catch (error) {

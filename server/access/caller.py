@@ -1,0 +1,102 @@
+"""Who asks, by what they came in, and what they may do: read together, in one look."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from types import MappingProxyType
+from typing import Literal
+
+from sqlalchemy.orm import Session
+
+from db.identity import key_of
+from db.query.station.grants import Holder, robot_roles
+from db.query.station.people import SessionRecord, TokenRecord, find_session, find_token
+from server.access.role import Rights, Role, higher
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """By what somebody came in, so that it can be looked at again."""
+
+    kind: Literal["session", "token"]
+    digest: str
+    """Hash of the secret."""
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who asks, once it is proved."""
+
+    name: str
+    rights: Rights
+    expires_at: datetime
+    csrf_token: str | None = field(repr=False)
+    """The token that a browser's changes must carry; a script with a bearer token has none."""
+    proof: Proof
+    is_link: bool = False
+    """Whether it is nobody by name, who came by a read-only link."""
+
+    @property
+    def role(self) -> Role:
+        """What the caller is to the station as a whole."""
+        return self.rights.for_all
+
+
+@dataclass(frozen=True, slots=True)
+class Browser:
+    """Where a sign-in comes from."""
+
+    host: str | None = None
+    name: str = ""
+    """What it calls itself."""
+
+
+def callers_of(session: Session, proofs: Collection[Proof], at: datetime) -> dict[Proof, Caller]:
+    """Return whose each proof is, with their rights; those that are worth nothing are left out."""
+    found: dict[Proof, SessionRecord | TokenRecord] = {}
+    for proof in proofs:
+        find = find_token if proof.kind == "token" else find_session
+        record = find(session, proof.digest, at)
+        if record is not None:
+            found[proof] = record
+    roles = robot_roles(session, {holder_of(record) for record in found.values()})
+    return {
+        proof: _caller(proof, record, roles[holder_of(record)]) for proof, record in found.items()
+    }
+
+
+def holder_of(record: SessionRecord | TokenRecord) -> Holder:
+    """Return whose grants hold for a session or a token."""
+    if isinstance(record, TokenRecord):
+        return Holder(token=key_of("link" if record.is_link else "token", record.id))
+    if record.person is not None:
+        return Holder(person=record.person.key)
+    return holder_of(_link_of(record))
+
+
+def _caller(
+    proof: Proof, record: SessionRecord | TokenRecord, roles: Iterable[tuple[str, str]]
+) -> Caller:
+    if isinstance(record, TokenRecord):
+        rights = _rights(record.role, roles)
+        return Caller(record.name, rights, record.expires_at, None, proof)
+    if record.person is not None:
+        rights = _rights(record.person.role, roles)
+        name = record.person.name
+        return Caller(name, rights, record.expires_at, record.csrf_token, proof)
+    link = _link_of(record)
+    rights = _rights(link.role, roles)
+    return Caller(link.name, rights, record.expires_at, record.csrf_token, proof, is_link=True)
+
+
+def _link_of(record: SessionRecord) -> TokenRecord:
+    if record.link is None:
+        raise LookupError(f"{record.id} is neither a person's nor a link's")
+    return record.link
+
+
+def _rights(for_all: str, roles: Iterable[tuple[str, str]]) -> Rights:
+    by_robot: dict[str, Role] = {}
+    for robot, role in roles:
+        by_robot[robot] = higher(by_robot.get(robot, Role.NONE), Role(role))
+    return Rights(Role(for_all), MappingProxyType(by_robot))
