@@ -1,20 +1,32 @@
 import type { Client } from 'openapi-fetch';
 import { done, of, told } from './call';
 import type { components, paths } from './generated/station';
-import type { JsonObject } from './types';
+import type { Alarm, JsonObject } from './types';
 
 type Schemas = components['schemas'];
 export type AlarmRuleEntry = Schemas['AlarmRuleView'];
 export type AlarmRule = Schemas['AlarmRule'];
 export type Watched = Schemas['WatchedView'];
 
-/** Alarms set aside, noted and assigned, and the rules that raise them. */
+/** Alarms: acknowledged, set aside, noted and assigned, and the rules that raise them. */
 export class AlarmApi {
   readonly #http: Client<paths, 'application/json'>;
 
   constructor(http: Client<paths, 'application/json'>) {
     this.#http = http;
   }
+
+  list = (state: 'open' | 'closed' = 'open') =>
+    told(this.#http.GET('/api/alarms', { params: { query: { state } } }));
+
+  /** Names the alarm as it was seen: one that has changed since is not acknowledged unread. */
+  acknowledge = ({ id, raised_at, level }: Alarm, note = '') =>
+    done(
+      this.#http.POST('/api/alarms/{alarm}/ack', {
+        params: { path: { alarm: id }, query: { raised_at, level } },
+        body: { note },
+      }),
+    );
 
   shelve = (alarm: string, minutes: number, note: string) =>
     done(

@@ -14,14 +14,7 @@ import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
-import type {
-  Alarm,
-  ConfigDocument,
-  JsonObject,
-  SceneChange,
-  ScheduleWish,
-  SendWish,
-} from './types';
+import type { ConfigDocument, JsonObject, SceneChange, ScheduleWish, SendWish } from './types';
 import { OutlookApi } from './outlook';
 import { WaterApi } from './water';
 
@@ -380,18 +373,6 @@ export class Api {
   actors = () => told(this.#http.GET('/api/events/actors'));
   events = (query: Query<'/api/events'>) =>
     told(this.#http.GET('/api/events', { params: { query } }));
-
-  alarms = (state: 'open' | 'closed' = 'open') =>
-    told(this.#http.GET('/api/alarms', { params: { query: { state } } }));
-
-  /** Names the alarm as it was seen: one that has changed since is not acknowledged unread. */
-  acknowledge = ({ id, raised_at, level }: Alarm, note = '') =>
-    done(
-      this.#http.POST('/api/alarms/{alarm}/ack', {
-        params: { path: { alarm: id }, query: { raised_at, level } },
-        body: { note },
-      }),
-    );
 
   deployments = () => this.setup.deployments();
 

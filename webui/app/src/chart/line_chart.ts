@@ -118,17 +118,21 @@ export function chartOptions(
     series: [{}, ...wish.lines.map((line) => lineOptions(line, palette))],
     hooks: {
       setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [],
-      draw: wish.mark == null ? [] : [marker(wish.mark, palette('--accent'))],
+      draw:
+        wish.mark === undefined || wish.mark === null
+          ? []
+          : [marker(wish.mark, palette('--accent'))],
     },
   };
 }
 
 /** Draws a line from top to bottom at a value across. */
 function marker(at: number, colour: string): (chart: uPlot) => void {
-  return ({ ctx, bbox, scales, valToPos }) => {
-    const { min, max } = scales.x ?? {};
-    if (min == null || max == null || at < min || at > max) return;
-    const x = Math.round(valToPos(at, 'x', true));
+  return (chart) => {
+    const { ctx, bbox } = chart;
+    const { min, max } = chart.scales.x ?? {};
+    if (typeof min !== 'number' || typeof max !== 'number' || at < min || at > max) return;
+    const x = Math.round(chart.valToPos(at, 'x', true));
     ctx.save();
     ctx.strokeStyle = colour;
     ctx.lineWidth = Math.max(1, devicePixelRatio);

@@ -203,7 +203,7 @@ export class Station {
   }
 
   async acknowledge(alarm: Alarm, note = ''): Promise<void> {
-    await this.onAlarms(() => this.api.acknowledge(alarm, note));
+    await this.onAlarms(() => this.api.alarm.acknowledge(alarm, note));
   }
 
   /** Do something about an alarm, and read them all again. */
@@ -247,7 +247,7 @@ export class Station {
 
   /** Ask for the alarms, and for what is wrong with the station itself. */
   async #readAlarms(): Promise<Alarms> {
-    const [alarms, health] = await Promise.all([this.api.alarms(), this.api.health()]);
+    const [alarms, health] = await Promise.all([this.api.alarm.list(), this.api.health()]);
     this.#setHealth(health);
     return alarms;
   }
