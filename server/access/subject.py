@@ -11,6 +11,9 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from fastapi.dependencies.utils import get_flat_params
+from fastapi.params import Query
+from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.requests import HTTPConnection
 
 from db.query.fleet.subject import robot_of
@@ -101,9 +104,22 @@ class Subjects:
         ]
 
     def _named(self, connection: HTTPConnection) -> Iterator[tuple[str, str, Resolver]]:
-        """Yield kind, id and resolver of each parameter that names a robot's thing."""
-        path = connection.path_params.items()
-        for name, value in (*path, *connection.query_params.multi_items()):
+        """Yield kind, id and resolver of each parameter that names a robot's thing.
+
+        Of a query only what the route reads counts: ``?robot=`` at a route that knows none would
+        else make a request about the station one about that robot.
+        """
+        read = _query_names(connection.scope.get("route"))
+        query = (each for each in connection.query_params.multi_items() if each[0] in read)
+        for name, value in (*connection.path_params.items(), *query):
             if name in self._resolvers:
                 kind, resolve = self._resolvers[name]
                 yield kind, str(value), resolve
+
+
+def _query_names(route: object) -> frozenset[str]:
+    """Return the parameters of the query that a route reads."""
+    if not isinstance(route, APIRoute | APIWebSocketRoute):
+        return frozenset()
+    fields = get_flat_params(route.dependant)
+    return frozenset(one.alias for one in fields if isinstance(one.field_info, Query))

@@ -50,9 +50,10 @@ async def test_id_leads_to_its_robot_in_path_and_query(client: StationClient, st
     deployment = created.json()["id"]
     subjects = station.foundation.services.get(Subjects)
 
-    def asked(query: str, **path: str) -> HTTPConnection:
-        scope = {"type": "http", "query_string": query.encode(), "path_params": path, "headers": []}
-        return HTTPConnection(scope)
+    def asked(query: str, path: str = "/api/events", **parameters: str) -> HTTPConnection:
+        route = next(one for one in ROUTES if one.path == path)
+        scope = {"type": "http", "query_string": query.encode(), "route": route, "headers": []}
+        return HTTPConnection({**scope, "path_params": parameters})
 
     by_path = await subjects.of(asked("", deployment=deployment, number="3"))
     assert [one.robots for one in by_path] == [frozenset({"grace-1"})]
@@ -60,6 +61,7 @@ async def test_id_leads_to_its_robot_in_path_and_query(client: StationClient, st
     assert {robot for one in by_both for robot in one.robots} == {MINI, "grace-1"}
     with pytest.raises(UnknownIdError):
         await subjects.of(asked("", deployment="deployment-999"))
+    assert await subjects.of(asked(f"robot={MINI}", "/api/people")) == []
 
 
 async def test_check_has_the_last_word_on_requests_about_robots(
