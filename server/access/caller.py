@@ -3,7 +3,6 @@
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
-from types import MappingProxyType
 from typing import Literal
 
 from sqlalchemy.orm import Session
@@ -11,7 +10,7 @@ from sqlalchemy.orm import Session
 from db.identity import key_of
 from db.query.station.grants import Holder, robot_roles
 from db.query.station.people import SessionRecord, TokenRecord, find_session, find_token
-from server.access.role import Rights, Role, higher
+from server.access.role import Rights, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +77,14 @@ def _caller(
     proof: Proof, record: SessionRecord | TokenRecord, roles: Iterable[tuple[str, str]]
 ) -> Caller:
     if isinstance(record, TokenRecord):
-        rights = _rights(record.role, roles)
+        rights = Rights.of(record.role, roles)
         return Caller(record.name, rights, record.expires_at, None, proof)
     if record.person is not None:
-        rights = _rights(record.person.role, roles)
+        rights = Rights.of(record.person.role, roles)
         name = record.person.name
         return Caller(name, rights, record.expires_at, record.csrf_token, proof)
     link = _link_of(record)
-    rights = _rights(link.role, roles)
+    rights = Rights.of(link.role, roles)
     return Caller(link.name, rights, record.expires_at, record.csrf_token, proof, is_link=True)
 
 
@@ -93,10 +92,3 @@ def _link_of(record: SessionRecord) -> TokenRecord:
     if record.link is None:
         raise LookupError(f"{record.id} is neither a person's nor a link's")
     return record.link
-
-
-def _rights(for_all: str, roles: Iterable[tuple[str, str]]) -> Rights:
-    by_robot: dict[str, Role] = {}
-    for robot, role in roles:
-        by_robot[robot] = higher(by_robot.get(robot, Role.NONE), Role(role))
-    return Rights(Role(for_all), MappingProxyType(by_robot))

@@ -1,6 +1,6 @@
 """Roles and the rights that they carry, for all robots and for chosen ones."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
@@ -55,6 +55,14 @@ class Rights:
     for_all: Role
     by_robot: Mapping[str, Role] = field(default_factory=lambda: MappingProxyType({}))
     """Roles of chosen robots, by grant or by group; the higher of both roles holds."""
+
+    @classmethod
+    def of(cls, for_all: str, roles: Iterable[tuple[str, str]]) -> "Rights":
+        """Put rights together from a role, and from robots with a role for each grant of them."""
+        by_robot: dict[str, Role] = {}
+        for robot, role in roles:
+            by_robot[robot] = higher(by_robot.get(robot, Role.NONE), Role(role))
+        return cls(Role(for_all), MappingProxyType(by_robot))
 
     def role_for(self, robot: str) -> Role:
         """Return the role for one robot."""

@@ -17,12 +17,13 @@ from db.identity import public_id
 from db.query.station import notices as query
 from db.query.station.notices import ItemRecord, NoticeRecord, Reachable
 from robot_link.clock import SystemClock, monotonic_s
-from server.access.role import Right, Role
+from server.access.role import Right, Rights, Role
 from server.base.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.base.secret import SecretUnreadableError, secret_fault
 from server.notice import state
 from server.notice.contact import Address, MailServer, apprise_url
+from server.notice.escalation import rights_of
 from server.notice.link import link_word
 from server.notice.message import page_of
 from server.notice.sender import Message, Reply, Sender
@@ -52,6 +53,17 @@ class _Health:
     failing_since: datetime | None = None
     reason: str = ""
     title: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Standing:
+    """How a message stands just before it is handed over."""
+
+    items: list[ItemRecord]
+    robots: set[str | None]
+    """Of which it tells; None for the station."""
+    is_over: bool
+    person: Reachable | None
 
 
 class Deliveries:
@@ -136,7 +148,7 @@ class Deliveries:
         notice = await self._store.write(write)
         try:
             record = await self._store.query(lambda session: query.get_notice(session, notice))
-            reply = await self._hand_over(record, [], may_acknowledge=False)
+            reply = await self._hand_over(record, [], Rights(Role.NONE))
         except asyncio.CancelledError:
             await asyncio.shield(self._settle(notice, NoticeEvidence.HOPELESS, "It was cancelled."))
             raise
@@ -163,19 +175,26 @@ class Deliveries:
             self._on_free()
 
     async def _try(self, notice: NoticeRecord) -> tuple[NoticeEvidence, str]:
-        def read(session: Session) -> tuple[list[ItemRecord], bool, Reachable | None]:
+        def read(session: Session) -> _Standing:
             people = {person.name: person for person in query.everybody(session)}
-            is_over = query.is_all_over(session, notice.id)
-            return query.items_of(session, notice.id), is_over, people.get(notice.person)
+            return _Standing(
+                items=query.items_of(session, notice.id),
+                robots=query.robots_of(session, notice.id),
+                is_over=query.is_all_over(session, notice.id),
+                person=people.get(notice.person),
+            )
 
-        items, is_over, person = await self._store.query(read)
+        standing = await self._store.query(read)
+        person = standing.person
         health = self._health.setdefault(notice.contact, _Health())
-        if is_over:
+        if standing.is_over:
             return NoticeEvidence.SEEN, "Somebody has seen all of it meanwhile."
         if person is None or not any(one.id == notice.contact for one in person.contacts):
             return NoticeEvidence.HOPELESS, "There is no such contact any more."
-        may_acknowledge = Right.PILOT in Role(person.role).rights
-        reply = await self._hand_over(notice, items, may_acknowledge=may_acknowledge)
+        rights = rights_of(person)
+        if not all(rights.sees(robot) for robot in standing.robots):
+            return NoticeEvidence.HOPELESS, f"{person.name} may not see all of it any more."
+        reply = await self._hand_over(notice, standing.items, rights)
         if reply.is_handed:
             health.failures = 0
             health.failing_since = None
@@ -193,7 +212,7 @@ class Deliveries:
         return NoticeEvidence.NOT_TAKEN, reply.text
 
     async def _hand_over(
-        self, notice: NoticeRecord, items: Sequence[ItemRecord], *, may_acknowledge: bool
+        self, notice: NoticeRecord, items: Sequence[ItemRecord], rights: Rights
     ) -> Reply:
         try:
             address, mail = await asyncio.to_thread(self._addresses, notice.contact)
@@ -205,7 +224,8 @@ class Deliveries:
         page = "" if origin is None or not items else page_of(origin, items)
         if page:
             text += f"\n\nPage: {page}"
-        if origin and may_acknowledge and any(item.alarm for item in items):
+        theirs = [item for item in items if item.alarm and rights.may(Right.PILOT, item.robot)]
+        if origin and theirs:
             text += await asyncio.to_thread(self._link_text, origin, notice)
         extras = {"notice": notice.id, "topic": notice.topic, "level": notice.level}
         if len(items) == 1:

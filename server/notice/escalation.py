@@ -17,6 +17,7 @@ from db.query.station import notices as query
 from db.query.station.alarms import AlarmRecord
 from db.query.station.events import EventRecord
 from db.query.station.notices import Reachable
+from server.access.role import Rights
 from server.base.alarm_board import WAITING
 from server.notice.settings import NoticeSettings
 from server.notice.wish import Topic, Wishes, gate, rank
@@ -49,6 +50,11 @@ def topic_of(alarm: AlarmRecord) -> Topic:
 def is_to_be_seen(alarm: AlarmRecord) -> bool:
     """Tell whether an alarm waits for somebody to see it: neither acknowledged nor set aside."""
     return alarm.state in WAITING
+
+
+def rights_of(person: Reachable) -> Rights:
+    """Return what a person may do: they are told of what they may see, and of nothing else."""
+    return Rights.of(person.role, person.roles)
 
 
 def take_alarms(session: Session, alarms: Mapping[str, AlarmRecord], now: datetime) -> None:
@@ -186,7 +192,7 @@ def _tell(
     for person, wishes in people:
         chosen = person.name in called if called is not None else wishes.wants(row.topic, row.level)
         contacts = [contact.id for contact in person.contacts if contact.enabled]
-        if not chosen or not contacts:
+        if not chosen or not contacts or not rights_of(person).sees(row.robot):
             continue
         found = gate(wishes, row.level, now)
         if not found.is_open and found.until is None:

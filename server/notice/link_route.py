@@ -20,11 +20,11 @@ from db.query.station.alarms import AlarmRecord
 from db.query.station.events import add_event
 from db.query.station.notices import ItemRecord, NoticeRecord
 from robot_link.clock import SystemClock
-from server.access.role import Right, Role
+from server.access.role import Right, Rights, Role
 from server.base.dependency import FoundationDep, service
 from server.base.foundation import Foundation
 from server.base.problem import Problem
-from server.notice.escalation import is_to_be_seen
+from server.notice.escalation import is_to_be_seen, rights_of
 from server.notice.link import read_word
 from server.notice.outbox import Notices
 from server.notice.wish import rank
@@ -63,7 +63,13 @@ class _Told:
 
     notice: NoticeRecord
     items: list[ItemRecord]
-    may_acknowledge: bool
+    """As far as its person may see them."""
+    rights: Rights
+
+    @property
+    def may_acknowledge(self) -> bool:
+        """Tell whether its person may acknowledge any of it, as a pilot of its robot."""
+        return any(self.rights.may(Right.PILOT, item.robot) for item in self.items)
 
 
 @router.get("/style.css")
@@ -78,7 +84,11 @@ async def show(word: str, foundation: FoundationDep) -> Response:
     told, refusal = await _read(foundation, word)
     if told is None or refusal:
         return _page("Nothing to acknowledge here", f"<p>{refusal}</p>", status=HTTPStatus.GONE)
-    waiting = [item for item in told.items if _standing(foundation, item) is not None]
+    waiting = [
+        item
+        for item in told.items
+        if told.rights.may(Right.PILOT, item.robot) and _standing(foundation, item) is not None
+    ]
     if not waiting:
         return _page("Nothing waits any more", _list(foundation, told))
     count = "this alarm" if len(waiting) == 1 else f"these {len(waiting)} alarms"
@@ -102,7 +112,7 @@ async def acknowledge(word: str, foundation: FoundationDep, notices: NoticesDep)
     done = 0
     for item in told.items:
         alarm = _standing(foundation, item)
-        if alarm is None:
+        if alarm is None or not told.rights.may(Right.PILOT, item.robot):
             continue
         try:
             await foundation.alarms.acknowledge(
@@ -134,11 +144,14 @@ async def _read(foundation: Foundation, word: str) -> tuple[_Told | None, str]:
 
     def read(session: Session) -> _Told:
         record = query.get_notice(session, notice)
-        roles = {person.name: person.role for person in query.everybody(session)}
-        role = roles.get(record.person)
-        may_acknowledge = role is not None and Right.PILOT in Role(role).rights
-        items = [item for item in query.items_of(session, notice) if item.alarm is not None]
-        return _Told(record, items, may_acknowledge)
+        people = {person.name: rights_of(person) for person in query.everybody(session)}
+        rights = people.get(record.person, Rights(Role.NONE))
+        items = [
+            item
+            for item in query.items_of(session, notice)
+            if item.alarm is not None and rights.sees(item.robot)
+        ]
+        return _Told(record, items, rights)
 
     try:
         told = await foundation.store.query(read)

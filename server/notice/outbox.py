@@ -17,7 +17,7 @@ from db.identity import public_id
 from db.query.station import notices as query
 from db.query.station.alarms import AlarmRecord
 from db.query.station.events import EventFilter, EventRecord, events_after, last_cursor
-from db.query.station.notices import NoticeRecord
+from db.query.station.notices import NoticeRecord, Reachable
 from db.query.station.settings import get_setting, put_setting
 from robot_link.clock import SystemClock, monotonic_s
 from server.base.event_bus import AlarmChanged, EventLogged
@@ -177,11 +177,12 @@ class Notices:
         expires_at = SystemClock().now() + LIFE
 
         def write(session: Session) -> NoticeRecord | None:
+            person = query.find_reachable(session, query.get_contact(session, contact).person)
+            _drop_unseen(session, contact, person)
             row = query.take_up(session, contact, topic, now)
             if row is None:
                 return None
             notice = public_id("notice", row.key)
-            person = query.find_reachable(session, query.get_contact(session, contact).person)
             wishes = Wishes.model_validate(person.wishes)
             words = compose(
                 topic,
@@ -197,3 +198,12 @@ class Notices:
             return query.get_notice(session, notice)
 
         return await self._store.write(write)
+
+
+def _drop_unseen(session: Session, contact: str, person: Reachable) -> None:
+    """Forget what waited for a person who may not see it any more."""
+    rights = escalation.rights_of(person)
+    waiting = query.waiting_robots(session, contact)
+    unseen = {robot for robot in waiting if not rights.sees(robot)}
+    if unseen:
+        query.drop_waiting(session, contact, unseen)

@@ -15,7 +15,7 @@ from db.query.station.notices import ContactRecord, NoticeRecord, Reachable
 from db.record import same
 from server.access.access import Caller
 from server.access.dependency import Admin, Pilot
-from server.access.role import Right, Role
+from server.access.role import Right
 from server.base.dependency import FoundationDep, service
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, invalid, unprocessable
@@ -24,6 +24,7 @@ from server.base.text import Title
 from server.base.view import Body, RobotLevel, View, one_of
 from server.notice.contact import Address, ContactForm, MailServer
 from server.notice.delivery import MAIL_SERVER
+from server.notice.escalation import rights_of
 from server.notice.heartbeat import HEARTBEAT, Heartbeat, WatcherAddress
 from server.notice.outbox import Notices
 from server.notice.settings import NoticeSettings, read_settings, save_settings
@@ -463,11 +464,12 @@ async def _heartbeat(foundation: Foundation, heartbeat: Heartbeat) -> HeartbeatV
 
 
 def _person(found: Reachable) -> PersonNoticesView:
+    rights = rights_of(found)
     return PersonNoticesView(
         person=found.name,
         wishes=Wishes.model_validate(found.wishes),
         contacts=[same(ContactView, contact) for contact in found.contacts],
-        may_acknowledge=Right.PILOT in Role(found.role).rights,
+        may_acknowledge=any(rights.may(Right.PILOT, robot) for robot in (None, *rights.by_robot)),
     )
 
 

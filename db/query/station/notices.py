@@ -18,6 +18,7 @@ from db.identity import key_of, public_id
 from db.notice_tables import Notice, NoticeCase, NoticeContact, NoticeItem, NoticePerson
 from db.person_tables import Person
 from db.query.change import row_of
+from db.query.station.grants import Holder, robot_roles
 from db.record import same
 
 LISTED_MAX: Final = 10
@@ -44,6 +45,8 @@ class Reachable:
 
     name: str
     role: str
+    roles: tuple[tuple[str, str], ...]
+    """Robots that grants reach, with the role of each grant."""
     wishes: Mapping[str, Any]
     contacts: tuple[ContactRecord, ...]
 
@@ -106,9 +109,17 @@ def everybody(session: Session) -> list[Reachable]:
         .where(Person.disabled_at.is_(None))
         .order_by(Person.key)
     )
+    found = session.execute(people).all()
+    roles = robot_roles(session, [Holder(person=person.key) for person, _ in found])
     return [
-        Reachable(person.name, person.role, wishes or {}, tuple(contacts.get(person.key, ())))
-        for person, wishes in session.execute(people)
+        Reachable(
+            name=person.name,
+            role=person.role,
+            roles=tuple(roles[Holder(person=person.key)]),
+            wishes=wishes or {},
+            contacts=tuple(contacts.get(person.key, ())),
+        )
+        for person, wishes in found
     ]
 
 
@@ -389,6 +400,42 @@ def items_of(session: Session, notice: str, limit: int = LISTED_MAX) -> list[Ite
                 is_over=row.alarm is not None and row.ended_at is not None,
             )
     return list(found.values())
+
+
+def robots_of(session: Session, notice: str) -> set[str | None]:
+    """Return the robots that a message tells of, named in it or not; None for the station."""
+    statement = (
+        select(NoticeCase.robot)
+        .join(NoticeItem, NoticeItem.case_key == NoticeCase.key)
+        .where(NoticeItem.notice_key == key_of("notice", notice))
+    )
+    return set(session.scalars(statement))
+
+
+def waiting_robots(session: Session, contact: str) -> set[str | None]:
+    """Return the robots of which a contact is still to hear; None for the station."""
+    statement = (
+        select(NoticeCase.robot)
+        .join(NoticeItem, NoticeItem.case_key == NoticeCase.key)
+        .where(NoticeItem.contact_key == key_of("contact", contact))
+        .where(NoticeItem.notice_key.is_(None))
+    )
+    return set(session.scalars(statement))
+
+
+def drop_waiting(session: Session, contact: str, robots: Collection[str | None]) -> None:
+    """Forget what waits for a contact of these robots; None for the station."""
+    named = [robot for robot in robots if robot is not None]
+    is_theirs = NoticeCase.robot.in_(named)
+    if None in robots:
+        is_theirs = or_(is_theirs, NoticeCase.robot.is_(None))
+    session.execute(
+        delete(NoticeItem).where(
+            NoticeItem.contact_key == key_of("contact", contact),
+            NoticeItem.notice_key.is_(None),
+            NoticeItem.case_key.in_(select(NoticeCase.key).where(is_theirs)),
+        )
+    )
 
 
 def is_all_over(session: Session, notice: str) -> bool:

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from robot_link.clock import SystemClock
+from server.access.role import Role
 from server.notice import delivery, outbox
-from tests.server.conftest import MINI, until
+from tests.server.conftest import GRACE, MINI, until
 from tests.server.fake_link import World, state_report
 from tests.server.notice.conftest import NoticeStation, notice_station
 from tests.server.notice.receiver import Taken, web_service
@@ -349,3 +350,77 @@ async def test_an_alarm_raised_just_before_a_stop_is_told_after_it(tmp_path: Pat
         async with notice_station(tmp_path, world):
             (taken,) = await service.until_taken()
             assert "Leak." in words(taken)
+
+
+async def grant(here: NoticeStation, role: Role, robot: str, granted: Role) -> None:
+    """Let ben have a role for all robots and another one for one of them."""
+    grants = [{"robot": robot, "role": granted}]
+    changed = await here.client.patch("/api/people/ben", json={"role": role, "grants": grants})
+    assert changed.status_code == 200, changed.text
+
+
+async def test_who_may_see_chosen_robots_is_told_of_those_alone(
+    moving: list[timedelta], here: NoticeStation
+):
+    await here.person("dan", Role.ADMIN)
+    await grant(here, Role.NONE, MINI, Role.PILOT)
+    async with web_service() as of_ann, web_service() as of_ben:
+        await here.contact("ann", of_ann.url)
+        await here.contact("ben", of_ben.url)
+        await here.set_up(steps=[{"people": ["ben"], "after_minutes": 10}])
+        await here.alarms.raise_("leak", "It leaks.", level="critical", robot=GRACE)
+        await here.alarms.raise_("storage", "The disk is full.", level="critical")
+        await of_ann.until_taken(2)
+        await move(here, moving, minutes=11)
+        await here.alarms.raise_("hot", "It is hot.", level="critical", robot=MINI)
+        await of_ann.until_taken(3)
+        (told,) = await of_ben.until_taken()
+    assert told.json["robot"] == MINI
+    assert "It is hot." in words(told)
+    of_ben_alone = [one for one in await here.told() if one["person"] == "ben"]
+    assert [one["items"] for one in of_ben_alone] == [1]
+
+
+async def test_what_waits_is_not_told_to_who_may_not_see_it_any_more(
+    moving: list[timedelta], here: NoticeStation
+):
+    await here.person("dan", Role.ADMIN)
+    await grant(here, Role.NONE, MINI, Role.PILOT)
+    async with web_service() as service:
+        await here.contact("ben", service.url)
+        now = here.foundation.clock.now()
+        begin, end = now - timedelta(hours=1), now + timedelta(hours=2)
+        await here.wish("ben", quiet={"begin": f"{begin:%H:%M}", "end": f"{end:%H:%M}"})
+        await here.alarms.raise_("kept", "It waits.", level="warning", robot=MINI)
+        await here.alarms.raise_("leak", "It leaks.", level="critical", robot=MINI)
+        (loud,) = await service.until_taken()
+        assert "It waits." not in words(loud)
+        await grant(here, Role.NONE, GRACE, Role.PILOT)
+        await here.alarms.raise_("slow", "It is slow.", level="warning", robot=GRACE)
+        await move(here, moving, minutes=125)
+        _, morning = await service.until_taken(2)
+    assert morning.json["robot"] == GRACE
+    assert "It is slow." in words(morning)
+    assert "It waits." not in words(morning)
+
+
+async def test_link_acknowledges_alarms_of_robots_that_its_person_may_pilot_and_no_others(
+    here: NoticeStation,
+):
+    await here.person("dan", Role.ADMIN)
+    await grant(here, Role.VIEWER, MINI, Role.PILOT)
+    async with web_service() as service:
+        await here.contact("ben", service.url)
+        await here.alarms.raise_("leak", "It leaks.", level="critical", robot=GRACE)
+        (foreign,) = await service.until_taken()
+        assert "/ack/" not in words(foreign)
+        await here.alarms.raise_("leak", "It leaks.", level="critical", robot=MINI)
+        _, own = await service.until_taken(2)
+    address = words(own).split("24 h): ")[1].split()[0]
+    await grant(here, Role.VIEWER, GRACE, Role.PILOT)
+    assert (await here.client.post(address)).status_code == 410
+    assert all(alarm.acknowledged_at is None for alarm in here.alarms.open)
+    await grant(here, Role.VIEWER, MINI, Role.PILOT)
+    assert (await here.client.post(address)).status_code == 200
+    seen = {alarm.robot for alarm in here.alarms.open if alarm.acknowledged_at is not None}
+    assert seen == {MINI}
