@@ -48,15 +48,19 @@ export class Sound {
     this.isBlocked = this.#context.state !== 'running';
   };
 
-  /** To be called inside an effect: the first touch of the page, wherever, lets it sound. */
+  /**
+   * To be called inside an effect: the first touch of the page, wherever, lets it sound. That is
+   * the end of a click, not its begin: what the page says about silence goes then, and a button
+   * that moves under a pressed pointer is not clicked.
+   */
   listen(): () => void {
     const touched = (): void => {
       if (this.isBlocked) void this.unblock();
     };
-    window.addEventListener('pointerdown', touched);
+    window.addEventListener('click', touched, { capture: true });
     window.addEventListener('keydown', touched);
     return () => {
-      window.removeEventListener('pointerdown', touched);
+      window.removeEventListener('click', touched, { capture: true });
       window.removeEventListener('keydown', touched);
     };
   }

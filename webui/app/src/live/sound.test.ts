@@ -79,6 +79,20 @@ describe('sounds', () => {
     expect(started).toHaveLength(PATTERNS.critical.length);
   });
 
+  test('are heard from the end of a click on, for no button moves while it is pressed', async () => {
+    const page = new EventTarget();
+    vi.stubGlobal('window', page);
+    const sound = new Sound();
+    const stop = sound.listen();
+    page.dispatchEvent(new Event('pointerdown'));
+    await vi.advanceTimersByTimeAsync(0);
+    expect(sound.isBlocked).toBe(true);
+    page.dispatchEvent(new Event('click'));
+    await vi.advanceTimersByTimeAsync(0);
+    expect(sound.isBlocked).toBe(false);
+    stop();
+  });
+
   test('of a critical alarm come again until it is acknowledged', async () => {
     const sound = new Sound();
     await sound.unblock();
