@@ -128,6 +128,18 @@ def test_a_phone_in_alarm_keeps_three_quarters_for_its_page(alarmed, calm):
     assert room >= 0.73
 
 
+def test_the_first_click_on_a_page_in_alarm_does_what_it_says(alarmed, calm):
+    alarmed.set_viewport_size({"width": 1600, "height": 950})
+    open_page(alarmed, calm, "/robot/mini-1")
+    silent = alarmed.get_by_text("This browser lets the page sound only after a touch")
+    expect(silent).to_be_visible()
+    choice = alarmed.get_by_role("radio", name="5 min", exact=True)
+    expect(choice).not_to_be_checked()
+    alarmed.get_by_text("5 min", exact=True).click(delay=300)
+    expect(silent).to_have_count(0)
+    expect(choice).to_be_checked()
+
+
 @pytest.mark.parametrize(
     ("path", "name"),
     [("/", "Surface mini-1 now"), ("/robot/mini-1", "Hold mini-1 at its next surfacing")],
