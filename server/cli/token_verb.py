@@ -7,8 +7,8 @@ from db.query.station.people import list_tokens
 from server.access import register
 from server.access.role import Role
 from server.cli.data import clock_of, open_store, settings_of
-from server.cli.grant_option import add_grant_options, grants_of
 from server.cli.option import add_data_option
+from server.cli.user_verb import add_grant_options, grants_of
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -2,10 +2,10 @@
 
 import getpass
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from datetime import datetime, timedelta
 
-from db.query.station.grants import Holder, list_grants
+from db.query.station.grants import GrantRecord, Holder, list_grants
 from db.query.station.people import list_people
 from db.store import Store
 from server.access import register
@@ -14,10 +14,10 @@ from server.access.role import Role
 from server.access.secret import hash_password
 from server.cli.data import clock_of, open_store, settings_of
 from server.cli.failure import CommandError
-from server.cli.grant_option import add_grant_options, grants_of
 from server.cli.option import add_data_option
 
 _BY = "command line"
+_GRANTED = tuple(role for role in Role if role is not Role.NONE)
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -119,3 +119,45 @@ def _asked_password() -> str:
         return hash_password(password)
     except ValueError as error:
         raise CommandError(f"{error}; nothing was changed.") from error
+
+
+def add_grant_options(parser: ArgumentParser) -> None:
+    """Let roles be given for chosen robots and groups."""
+    parser.add_argument(
+        "--robot",
+        dest="grants",
+        action="append",
+        type=_of_robot,
+        metavar="ROBOT=ROLE",
+        help="a role for one robot, such as mini-1=pilot; may be repeated",
+    )
+    parser.add_argument(
+        "--group",
+        dest="grants",
+        action="append",
+        type=_of_group,
+        metavar="GROUP=ROLE",
+        help="a role for the robots of a group; may be repeated",
+    )
+
+
+def grants_of(arguments: Namespace) -> list[GrantRecord] | None:
+    """Return the roles that were given, ``None`` if none was."""
+    return arguments.grants
+
+
+def _of_robot(text: str) -> GrantRecord:
+    name, role = _parts(text)
+    return GrantRecord(role, robot=name)
+
+
+def _of_group(text: str) -> GrantRecord:
+    name, role = _parts(text)
+    return GrantRecord(role, group=name)
+
+
+def _parts(text: str) -> tuple[str, Role]:
+    name, _, role = text.rpartition("=")
+    if not name or role not in _GRANTED:
+        raise ArgumentTypeError(f"{text!r} is not NAME=ROLE with one of {', '.join(_GRANTED)}")
+    return name, Role(role)

@@ -36,12 +36,14 @@ from tests.server.station_app import (
 
 OPEN_TO_ALL = {
     ("GET", "/api/health"),
+    ("GET", "/api/session/provider"),
     ("POST", "/api/session"),
     ("POST", "/api/session/first"),
     ("POST", "/api/gateways/rockblock/push/{secret}"),
     ("POST", "/api/gateways/cloudloop/push/{secret}"),
 }
-"""Pushes of gateways prove themselves otherwise: by their path and what they say."""
+"""Which provider of OpenID Connect there is must be known to sign in by it. Pushes of gateways
+prove themselves otherwise: by their path and what they say."""
 OPEN_TO_VIEWERS = {
     "/api/session",
     "/api/session/ticket",
@@ -295,7 +297,7 @@ async def test_who_loses_a_role_loses_the_session_with_it(app, admin):
 
 
 async def test_the_last_administrator_stays(admin):
-    for change in ({"role": "viewer"}, {"disabled": True}):
+    for change in ({"role": "viewer", "confirm": True}, {"disabled": True, "confirm": True}):
         answer = await admin.patch("/api/people/ann", json=change)
         assert answer.status_code == 409
         assert "last administrator" in answer.json()["detail"]
