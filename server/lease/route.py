@@ -125,13 +125,18 @@ async def hold_automation(
 
     While it is held, every change by a script is refused but an order to surface, and plans that
     wait to be sent, rounds of surveys and suggestions wait. A script may hold it, but not let it
-    go on.
+    go on. Who pilots any robot may hold it; who pilots all of them may let it go on.
     """
     robots = [status.record.id for status in fleet.statuses]
-    if not any(caller.rights.may(Right.PILOT, robot) for robot in (None, *robots)):
+    piloted = [robot for robot in robots if caller.rights.may(Right.PILOT, robot)]
+    is_of_all = caller.rights.may(Right.PILOT)
+    if not piloted and not is_of_all:
         raise Problem(403, f"{caller.name} pilots no robot and may not do this.")
     if not body.is_held:
         hold.refuse(caller)
+        if not is_of_all and piloted != robots:
+            detail = f"{caller.name} pilots chosen robots; this lets all of them go on."
+            raise Problem(403, detail)
     return await hold.set(held=body.is_held, by=caller.name, reason=body.reason)
 
 

@@ -3,11 +3,16 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from sqlalchemy.orm import Session
 
+from db.query.station.grants import GrantRecord, Holder, set_grants
+from db.query.station.people import find_person
+from server.access.role import Role
 from server.lease.hold import AutomationHold
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.lease.conftest import act, person_at
 from tests.server.schedule.test_schedule import send_in
+from tests.server.station_parts import OpenStation
 from tests.server.transfer.test_upload import DIVE, plan_in
 
 
@@ -29,6 +34,24 @@ async def test_every_page_is_told_who_holds_automation_and_since_when(person):
     events = (await ann.get("/api/events", params={"limit": 50})).json()["events"]
     told = [(one["kind"], one["by"]) for one in events if one["kind"].startswith("automation.")]
     assert told == [("automation.held", "ann"), ("automation.resumed", "ben")]
+
+
+async def test_who_pilots_one_robot_may_hold_automation_but_not_let_it_go_on_for_all(
+    station: OpenStation, person
+):
+    ann, ben = await person("ann"), await person("ben", Role.NONE)
+
+    def give(session: Session) -> None:
+        holder = Holder(person=find_person(session, "ben").key)
+        set_grants(session, holder, [GrantRecord(Role.PILOT, robot=MINI)])
+
+    await station.foundation.store.write(give)
+    assert (await hold(ben)).status_code == 200
+    refused = await hold(ben, is_held=False)
+    assert refused.status_code == 403
+    assert "all of them" in refused.json()["detail"]
+    assert (await ann.get("/api/automation")).json()["is_held"] is True
+    assert (await hold(ann, is_held=False)).status_code == 200
 
 
 CHANGES = [
