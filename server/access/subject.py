@@ -16,8 +16,10 @@ from fastapi.params import Query
 from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.requests import HTTPConnection
 
+from db.fault import UnknownIdError
 from db.query.fleet.subject import robot_of
 from db.store import Store
+from server.access.caller import Caller
 
 Resolver: TypeAlias = Callable[[str], Awaitable[Iterable[str]]]
 """Returns the robots that an id belongs to, none for what belongs to the station as a whole.
@@ -34,6 +36,17 @@ class Subject:
     identity: str
     robots: frozenset[str]
     """Whose it is; empty for what belongs to the station as a whole."""
+
+
+async def refuse_unseen(store: Store, caller: Caller, kind: str, identity: str) -> None:
+    """Refuse what a body or a query names of another robot, unless the caller may see that one.
+
+    Raises:
+        UnknownIdError: There is nothing of this kind and id, or the caller may not see it.
+    """
+    robot = await store.query(lambda session: robot_of(session, kind, identity))
+    if not caller.rights.sees(robot):
+        raise UnknownIdError(kind, identity)
 
 
 async def _itself(robot: str) -> tuple[str, ...]:

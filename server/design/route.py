@@ -10,7 +10,8 @@ from db.query.mission.designs import DesignChangedError, DesignRecord, DesignVer
 from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.dependency import service
+from server.access.subject import refuse_unseen
+from server.base.dependency import FoundationDep, service
 from server.base.problem import Problem
 from server.design.designs import Designs
 from server.design.sides import Sides
@@ -72,9 +73,18 @@ async def list_designs(
 
 @router.post("/robots/{robot}/designs", status_code=201)
 async def create_design(
-    caller: Pilot, robot: str, body: NewDesign, designs: DesignsDep, response: Response
+    caller: Pilot,
+    robot: str,
+    body: NewDesign,
+    designs: DesignsDep,
+    foundation: FoundationDep,
+    response: Response,
 ) -> DesignView:
     """Begin a design: empty, from a document, a copy, a plan that was flown, or a template."""
+    if body.design is not None:
+        await refuse_unseen(foundation.store, caller, "design", body.design)
+    if body.plan is not None:
+        await refuse_unseen(foundation.store, caller, "plan", body.plan)
     record = await designs.add(robot, body, by=caller.name)
     return await _answer(designs, record, response)
 
@@ -210,10 +220,18 @@ async def check_design(caller: Viewer, design: str, designs: DesignsDep) -> Outl
 
 @router.get("/designs/{design}/difference")
 async def get_difference(
-    caller: Viewer, design: str, sides: SidesDep, first: Side, second: Side = "working"
+    caller: Viewer,
+    design: str,
+    sides: SidesDep,
+    foundation: FoundationDep,
+    first: Side,
+    second: Side = "working",
 ) -> DifferenceView:
     """Compare two versions, or one with a plan or with what is on board, leg by leg."""
-    del caller
+    for side in (first, second):
+        kind, _, plan = side.partition(":")
+        if kind == "plan" and plan:
+            await refuse_unseen(foundation.store, caller, "plan", plan)
     return await sides.difference(design, first, second)
 
 

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse
 from pydantic import Field
 
+from db.fault import UnknownIdError
 from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, service
@@ -69,7 +70,8 @@ async def list_parameters(
     ] = None,
 ) -> ParametersView:
     """Return the robot's parameters as it said them last, with what is known of their meaning."""
-    del caller
+    if against is not None and not caller.rights.sees(against):
+        raise UnknownIdError("robot", against)
     return await parameters.view(robot, against)
 
 

@@ -20,6 +20,7 @@ from db.query.fleet.robots import RobotRecord
 from db.query.measured.detections import newest_receiver_report
 from robot_link.report import ReceiverReport
 from server.access.dependency import Pilot, Viewer
+from server.access.role import Rights
 from server.base.dependency import FoundationDep, service
 from server.base.job import JobProgress, kept_upload
 from server.base.problem import not_found
@@ -67,8 +68,9 @@ async def _config(foundation: FoundationDep, robot: str) -> TagConfig:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Whose detections are asked for, of which time, and how they are judged."""
+    """Whose detections are asked for, by whom, of which time, and how they are judged."""
 
+    rights: Rights
     record: RobotRecord
     config: TagConfig
     since: datetime | None
@@ -76,8 +78,10 @@ class Question:
     of: str
 
     def robots(self, session: Session) -> Sequence[str]:
-        """Return the robots that listened."""
-        return site_robots(session, self.record.id) if self.of == "water" else (self.record.id,)
+        """Return the robots that listened, as far as the caller may see them."""
+        if self.of != "water":
+            return (self.record.id,)
+        return [one for one in site_robots(session, self.record.id) if self.rights.sees(one)]
 
     def heard(self, session: Session, tag: str | None = None) -> Heard:
         """Return what they heard, of one tag or of all."""
@@ -93,9 +97,8 @@ async def _question(
     until: Until = None,
     of: Of = "robot",
 ) -> Question:
-    del caller
-    record = fleet.status(robot).record
-    return Question(record, await _config(foundation, robot), since, until, of)
+    record, config = fleet.status(robot).record, await _config(foundation, robot)
+    return Question(caller.rights, record, config, since, until, of)
 
 
 QuestionDep = Annotated[Question, Depends(_question)]

@@ -16,14 +16,18 @@ from sqlalchemy.orm import Session
 from starlette.requests import Request
 from starlette.websockets import WebSocket
 
+from autonomy.tag.config import TagConfig
 from db.query.station.grants import GrantRecord
 from server.access.caller import Caller
 from server.access.dependency import right_of
 from server.access.guard import Guard
 from server.access.register import create_token
-from server.access.role import Right, Role
+from server.access.role import Right, Rights, Role
 from server.access.subject import Subjects
 from server.base.problem import Problem
+from server.fleet.fleet import Fleet
+from server.fleet.water import site_robots
+from server.tag.route import Question
 from tests.server.access.rows import ids_of
 from tests.server.access.test_subject import ROUTES, parameters_of
 from tests.server.conftest import GRACE, MINI, StationClient
@@ -241,8 +245,14 @@ async def test_query_that_names_a_foreign_robot_or_its_things_is_refused(
         f"/api/events?robot={GRACE}",
         f"/api/events?deployment={foreign['deployment']}",
         f"/view/?robot={GRACE}",
+        f"/api/robots/{MINI}/parameters?against={GRACE}",
+        f"/api/designs/{things[MINI]['design']}/difference?first=plan:{foreign['plan']}",
     ):
         assert (await anyone.get(path, headers=headers)).status_code == 404, path
+    for named in ({"design": foreign["design"]}, {"plan": foreign["plan"]}):
+        begun = {"name": "copy", **named}
+        answer = await anyone.post(f"/api/robots/{MINI}/designs", headers=headers, json=begun)
+        assert answer.status_code == 404, named
     for path in ("/api/journal", "/api/journal.tlog", "/api/events/export"):
         assert (await anyone.get(path, headers=headers)).status_code == 403, path
     patch = {"json": {}, "headers": headers}
@@ -305,3 +315,18 @@ async def test_lists_tell_nothing_of_robots_that_one_may_not_see(
         "/api/robots", "/api/alarms", "/api/events", "/api/deployments", "/api/waters",
         "/api/config",
     } <= telling  # fmt: skip
+
+
+async def test_detections_of_a_water_are_those_of_robots_that_one_may_see(station: OpenStation):
+    record = station.foundation.services.get(Fleet).status(MINI).record
+
+    async def heard_by(rights: Rights) -> list[str]:
+        question = Question(rights, record, TagConfig(), None, None, "water")
+        return list(await station.foundation.store.query(question.robots))
+
+    everybody = await station.foundation.store.query(lambda session: site_robots(session, MINI))
+    assert await heard_by(Rights(Role.VIEWER)) == list(everybody)
+    assert await heard_by(Rights(Role.NONE, {MINI: Role.VIEWER})) == [MINI]
+    assert await heard_by(Rights(Role.NONE, {GRACE: Role.VIEWER})) == [
+        robot for robot in everybody if robot == GRACE
+    ]
