@@ -9,6 +9,7 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from db.query.fleet.leases import LeaseRecord, get_lease, list_leases
+from db.query.station import grants
 from db.query.station.people import find_person, find_token
 from robot_link.clock import SystemClock, monotonic_s
 from robot_link.lease_config import LeaseConfig
@@ -16,7 +17,7 @@ from server.access.caller import Caller
 from server.access.dependency import tell_taken
 from server.access.guard import RobotAsk
 from server.access.presence import Presence, PresenceChanged, Who
-from server.access.role import Right, Role
+from server.access.role import Right, Rights
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
@@ -294,8 +295,8 @@ class Leases:
 
         def step(session: Session, before: LeaseRecord) -> None:
             self._only_holder(before, holder)
-            if not _may_pilot(session, to):
-                text = "it must be the name of a person who may pilot"
+            if not _may_pilot(session, to, robot):
+                text = f"it must be the name of a person who may pilot {robot}"
                 raise unprocessable("1 field is wrong.", [FieldError(loc=["to"], msg=text)])
             if to == holder.name:
                 raise conflict(f"{to} is in charge of {robot} already.")
@@ -431,7 +432,9 @@ class Leases:
         """Tell whether nobody need wait for who is in charge: silent, or may pilot no more."""
         if lease.holder is None or self.silent_s(lease) >= limits.silent_s:
             return True
-        return lease.holder_kind == "person" and not _may_pilot(session, lease.holder)
+        return lease.holder_kind == "person" and not _may_pilot(
+            session, lease.holder, robot=lease.robot
+        )
 
     def _can_be_led(self, robot: str) -> bool:
         """Tell whether a robot is one of which somebody can be in charge."""
@@ -497,11 +500,14 @@ def _acts_under(lease: LeaseRecord, holder: Holder) -> bool:
     return is_let or holder.holds(lease)
 
 
-def _may_pilot(session: Session, name: str) -> bool:
+def _may_pilot(session: Session, name: str, robot: str) -> bool:
+    """Tell whether a person may pilot a robot, by their role or by a grant."""
     person = find_person(session, name)
     if person is None or person.disabled_at is not None:
         return False
-    return Right.PILOT in Role(person.role).rights
+    whose = grants.Holder(person=person.key)
+    rights = Rights.of(person.role, grants.robot_roles(session, [whose])[whose])
+    return rights.may(Right.PILOT, robot)
 
 
 def _must_ask(lease: LeaseRecord, holder: Holder, *, overrules: bool) -> str:

@@ -10,7 +10,7 @@ import pytest
 import pytest_asyncio
 from sqlalchemy.orm import Session
 
-from db.query.station.grants import Holder
+from db.query.station.grants import GrantRecord, Holder, set_grants
 from db.query.station.people import add_person, add_session, find_person
 from robot_link.clock import Clock
 from server.access import presence as presence_module
@@ -63,6 +63,16 @@ async def script_at(
         headers=bearer(await token_of(app, role, name)),
     ) as client:
         yield client
+
+
+async def let_pilot(station: OpenStation, name: str, *robots: str) -> None:
+    """Let somebody pilot these robots, and no others by a grant."""
+
+    def give(session: Session) -> None:
+        holder = Holder(person=find_person(session, name).key)
+        set_grants(session, holder, [GrantRecord(Role.PILOT, robot=robot) for robot in robots])
+
+    await station.foundation.store.write(give)
 
 
 @pytest_asyncio.fixture

@@ -3,14 +3,11 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from sqlalchemy.orm import Session
 
-from db.query.station.grants import GrantRecord, Holder, set_grants
-from db.query.station.people import find_person
 from server.access.role import Role
 from server.lease.hold import AutomationHold
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
-from tests.server.lease.conftest import act, person_at
+from tests.server.lease.conftest import act, let_pilot, person_at
 from tests.server.schedule.test_schedule import send_in
 from tests.server.station_parts import OpenStation
 from tests.server.transfer.test_upload import DIVE, plan_in
@@ -40,12 +37,7 @@ async def test_who_pilots_one_robot_may_hold_automation_but_not_let_it_go_on_for
     station: OpenStation, person
 ):
     ann, ben = await person("ann"), await person("ben", Role.NONE)
-
-    def give(session: Session) -> None:
-        holder = Holder(person=find_person(session, "ben").key)
-        set_grants(session, holder, [GrantRecord(Role.PILOT, robot=MINI)])
-
-    await station.foundation.store.write(give)
+    await let_pilot(station, "ben", MINI)
     assert (await hold(ben)).status_code == 200
     refused = await hold(ben, is_held=False)
     assert refused.status_code == 403

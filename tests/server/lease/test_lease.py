@@ -7,7 +7,8 @@ import pytest
 from server.access.role import Role
 from server.lease.leases import Leases
 from tests.server.conftest import GRACE, MINI, until
-from tests.server.lease.conftest import act, lease_of
+from tests.server.lease.conftest import act, lease_of, let_pilot
+from tests.server.station_parts import OpenStation
 
 
 async def kinds(client, robot=MINI):
@@ -243,3 +244,26 @@ async def test_the_limits_are_settings_of_each_robot(person, hours):
     await act(ann, "take")
     hours.passed_s = 31.0
     assert (await act(ben, "take")).json()["is_mine"]
+
+
+async def test_who_pilots_one_robot_by_a_grant_keeps_it_until_the_grant_ends(
+    station: OpenStation, person
+):
+    ann, ben = await person("ann"), await person("ben", Role.NONE)
+    await let_pilot(station, "ben", MINI)
+    assert (await act(ben, "take")).json()["is_mine"]
+    assert (await act(ann, "take")).status_code == 409, "ben is there and may pilot it"
+    await let_pilot(station, "ben", GRACE)
+    assert (await act(ann, "take")).json()["is_mine"]
+
+
+async def test_a_robot_is_handed_to_nobody_who_pilots_others_alone(station: OpenStation, person):
+    ann, ben = await person("ann"), await person("ben", Role.NONE)
+    await let_pilot(station, "ben", GRACE)
+    assert (await ben.get("/api/session")).status_code == 200, "ben is there"
+    await act(ann, "take")
+    refused = await act(ann, "hand_over", to="ben")
+    assert refused.status_code == 422
+    assert f"may pilot {MINI}" in refused.text
+    await let_pilot(station, "ben", MINI)
+    assert (await act(ann, "hand_over", to="ben")).json()["holder"] == "ben"
