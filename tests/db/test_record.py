@@ -12,6 +12,7 @@ from db.query.fleet.deployments import list_deployments
 from db.query.measured import maps
 from db.query.mission import commands, missions, plans, transfers
 from db.query.station import configurations, people
+from db.query.station.grants import Holder
 from robot_link.messages import CommandKind, CommandLevel
 from tests.db.conftest import START, robot_record
 
@@ -180,10 +181,10 @@ def test_the_newest_snapshot_of_each_map_is_found(store):
 
 
 def test_a_session_ends_with_its_time_and_with_its_person(store):
-    do(store, people.add_person, "ann", "pilot", "hash", START)
+    ann = Holder(person=do(store, people.add_person, "ann", "pilot", "hash", START).key)
     for secret in ("one", "two"):
         do(
-            store, people.add_session, "ann", secret_hash=secret, csrf_token="c", at=START,
+            store, people.add_session, ann, secret_hash=secret, csrf_token="c", at=START,
             expires_at=LATER,
         )  # fmt: skip
     assert see(store, people.find_session, "one", START).person.name == "ann"
