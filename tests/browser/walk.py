@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, Request, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, Request, expect, sync_playwright
 
 from tests.e2e.demo import Demo
 
@@ -109,8 +109,14 @@ _NOTE_PRESS = """each => {
 
 
 def hold(page: Page, name: re.Pattern[str]) -> None:
-    """Hold a button for its second; pressed again where the page moved it away before the press."""
-    button = page.get_by_role("button", name=name)
+    """Hold a button for its second."""
+    press(page, page.get_by_role("button", name=name))
+    page.wait_for_timeout(1500)
+    page.mouse.up()
+
+
+def press(page: Page, button: Locator) -> None:
+    """Press a button and keep it; again where the page moved it away before the press."""
     is_pressed = False
     while not is_pressed:
         button.evaluate(_NOTE_PRESS)
@@ -119,5 +125,3 @@ def hold(page: Page, name: re.Pattern[str]) -> None:
         is_pressed = page.evaluate("window.isPressed")
         if not is_pressed:
             page.mouse.up()
-    page.wait_for_timeout(1500)
-    page.mouse.up()
