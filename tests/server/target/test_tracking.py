@@ -38,7 +38,7 @@ async def test_live_robot_shows_the_newest_report(client, station, world):
 
 async def test_live_stream_carries_it(station, world, monkeypatch):
     told = []
-    monkeypatch.setattr(LiveFeed, "put", lambda _feed, *part: told.append(part))
+    monkeypatch.setattr(LiveFeed, "put", lambda _feed, *part, **_public: told.append(part))
     report = now_report()
     world.tell(report)
     section, key, value, robot = told[-1]
