@@ -34,10 +34,9 @@ async def person_at(
 
     def write(session: Session) -> None:
         now = datetime.now(UTC)
-        if find_person(session, name) is None:
-            add_person(session, name, role, None, now)
+        person = find_person(session, name) or add_person(session, name, role, None, now)
         digest, end = secret_hash(secret), now + timedelta(hours=8)
-        holder = Holder(person=find_person(session, name).key)
+        holder = Holder(person=person.key)
         add_session(session, holder, secret_hash=digest, csrf_token=csrf, at=now, expires_at=end)
 
     await station.foundation.store.write(write)
@@ -69,7 +68,9 @@ async def let_pilot(station: OpenStation, name: str, *robots: str) -> None:
     """Let somebody pilot these robots, and no others by a grant."""
 
     def give(session: Session) -> None:
-        holder = Holder(person=find_person(session, name).key)
+        person = find_person(session, name)
+        assert person is not None
+        holder = Holder(person=person.key)
         set_grants(session, holder, [GrantRecord(Role.PILOT, robot=robot) for robot in robots])
 
     await station.foundation.store.write(give)
