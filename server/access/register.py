@@ -84,17 +84,15 @@ def change_person(
         by: Who changes it.
 
     Raises:
-        Problem: 409 if nobody could administer the station afterwards, or where the grants are
-            not those that were seen.
+        Problem: 409 if it takes away the last person who can administer the station, or where the
+            grants are not those that were seen.
         UnknownIdError: If there is no such person, robot or group.
     """
+    had_administrator = _has_administrator(session)
     person = query.change_person(
         session, name, role=role, password_hash=password_hash, disabled=disabled, at=at
     )
-    is_about_access = role is not None or disabled is not None
-    if is_about_access and not any(
-        other.role == Role.ADMIN for other in query.list_people(session) if not other.disabled_at
-    ):
+    if had_administrator and not _has_administrator(session):
         raise conflict(f"{name} is the last administrator; make another one first.")
     text = f"{by} changed {name}."
     if grants is not None:
@@ -249,6 +247,12 @@ def remove_group(session: Session, name: str, *, at: datetime, by: str) -> None:
     except grant_query.GroupInUseError as error:
         raise conflict(str(error)) from error
     add_event(session, at, "group.removed", f"{by} removed the group {name}.")
+
+
+def _has_administrator(session: Session) -> bool:
+    """Tell whether some person can administer the station; scripts do not count."""
+    people = query.list_people(session)
+    return any(one.role == Role.ADMIN and one.disabled_at is None for one in people)
 
 
 def _check(name: str) -> None:

@@ -15,11 +15,25 @@ from server.notice.outbox import Notices
 from server.notice.sender import Sender
 
 ROUTERS = (route.router, link_route.router)
+_OF_ONESELF = (
+    ("GET", "/api/notices"),
+    ("GET", "/api/notices/station"),
+    ("GET", "/api/notices/people/{person}"),
+    ("PUT", "/api/notices/people/{person}"),
+    ("POST", "/api/notices/people/{person}/contacts"),
+    ("PATCH", "/api/notices/contacts/{contact}"),
+    ("DELETE", "/api/notices/contacts/{contact}"),
+    ("POST", "/api/notices/contacts/{contact}/test"),
+)
+"""What whoever pilots any robot may ask, and of themselves alone."""
 
 
 def install(foundation: Foundation) -> None:
     """Tell people of every alarm, and who watches the station that it is alive."""
-    foundation.services.get(Subjects).add_details("contact", "person", "word")
+    subjects = foundation.services.get(Subjects)
+    subjects.add_details("contact", "person", "word")
+    for method, path in _OF_ONESELF:
+        subjects.add_self_asking(method, path)
     fleet = foundation.services.get(Fleet)
     notices = foundation.services.add(Notices(foundation, lambda: last_places(fleet), Sender()))
     heartbeat = foundation.services.add(Heartbeat(foundation))

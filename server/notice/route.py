@@ -187,6 +187,7 @@ async def list_notices(
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
 ) -> NoticeListView:
     """Return the last messages: an admin's view has everybody's, anyone else's their own."""
+    _check_pilot(caller)
     person = None if _is_admin(caller) else _own_name(caller)
     found = await foundation.store.query(lambda session: query.list_notices(session, person, limit))
     return NoticeListView([_notice(record) for record in found])
@@ -197,7 +198,7 @@ async def get_station(
     caller: Pilot, foundation: FoundationDep, notices: NoticesDep, heartbeat: HeartbeatDep
 ) -> NoticeStationView:
     """Return escalation, mail server and heartbeat."""
-    del caller
+    _check_pilot(caller)
     return await _station(foundation, notices, heartbeat)
 
 
@@ -383,7 +384,14 @@ async def test_contact(
 CONTACTS_MAX = 20
 
 
+def _check_pilot(caller: Caller) -> None:
+    """Refuse who pilots no robot, by their role or by a grant."""
+    if not any(caller.rights.may(Right.PILOT, robot) for robot in (None, *caller.rights.by_robot)):
+        raise Problem(403, f"{caller.name} pilots no robot and may not do this.")
+
+
 def _check_whose(caller: Caller, person: str) -> None:
+    _check_pilot(caller)
     if not _is_admin(caller) and _own_name(caller) != person:
         raise Problem(403, f"Only {person} and admins may see or change how {person} is told.")
 

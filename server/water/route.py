@@ -9,8 +9,10 @@ from fastapi import APIRouter, Depends, Header, Query, Response
 from autonomy.frames import wgs84_from_ned
 from autonomy.outline import Outline
 from autonomy.site import Site
+from db.fault import UnknownIdError
 from db.query.fleet.waters import WaterRecord
 from db.record import same
+from server.access.caller import Caller
 from server.access.dependency import Admin, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
@@ -48,9 +50,9 @@ async def create_water(
 @router.get("/{water}")
 async def get_water(caller: Viewer, water: str, waters: WatersDep, response: Response) -> WaterView:
     """Return one water; its version is the ``ETag``."""
-    record, robots = await waters.get(water)
+    record, robots = await _seen(waters, caller, water)
     response.headers["ETag"] = etag(record)
-    return _view(record, _among(robots, caller.rights.robots))
+    return _view(record, robots)
 
 
 @router.patch("/{water}")
@@ -75,16 +77,14 @@ async def patch_water(
 @router.get("/{water}/outline", response_model=JsonSchema)
 async def get_outline(caller: Viewer, water: str, waters: WatersDep) -> Response:
     """Return shoreline with islands, keep-outs and places in full, as GeoJSON (RFC 7946)."""
-    del caller
-    record, _ = await waters.get(water)
+    record, _ = await _seen(waters, caller, water)
     return encoded(await asyncio.to_thread(_geojson, record.site))
 
 
 @router.get("/{water}/depths", response_model=DepthsView)
 async def get_depths(caller: Viewer, water: str, waters: WatersDep, lines: Lines = 200) -> Response:
     """Return the floor at evenly spaced lines, interpolated between those that are kept."""
-    del caller
-    record, _ = await waters.get(water)
+    record, _ = await _seen(waters, caller, water)
     if record.site.depth_lines is None:
         raise not_found(f"{water} has no depths: its floor is flat.")
     return encoded(await asyncio.to_thread(_depths, record.site, lines))
@@ -109,6 +109,21 @@ def _view(water: WaterRecord, robots: tuple[str, ...]) -> WaterView:
         robots=list(robots),
         is_retired=water.retired_at is not None,
     )
+
+
+async def _seen(waters: Waters, caller: Caller, water: str) -> tuple[WaterRecord, tuple[str, ...]]:
+    """Return a water with those of its robots that somebody may see.
+
+    Waters are everybody's who signs in; a read-only link has only those of the robots it shows.
+
+    Raises:
+        UnknownIdError: If there is no such water, or the link shows none of its robots.
+    """
+    record, robots = await waters.get(water)
+    shown = _among(robots, caller.rights.robots)
+    if caller.is_link and not shown:
+        raise UnknownIdError("water", water)
+    return record, shown
 
 
 def _among(robots: tuple[str, ...], seen: frozenset[str] | None) -> tuple[str, ...]:

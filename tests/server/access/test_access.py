@@ -304,6 +304,21 @@ async def test_the_last_administrator_stays(admin):
     assert (await admin.get("/api/session")).status_code == 200
 
 
+async def test_people_are_changed_where_scripts_alone_administer(app):
+    async with client_of(app) as script:
+        script.headers.update(bearer(await token_of(app, Role.ADMIN)))
+        person = {"name": "bob", "role": "pilot", "password": PASSWORD}
+        assert (await script.post("/api/people", json=person)).status_code == 201
+        for change in ({"role": "viewer"}, {"disabled": True}, {"disabled": False}):
+            answer = await script.patch("/api/people/bob", json=change)
+            assert answer.status_code == 200, answer.text
+        made = await script.patch("/api/people/bob", json={"role": "admin"})
+        assert made.json()["role"] == "admin"
+        refused = await script.patch("/api/people/bob", json={"role": "pilot"})
+        assert refused.status_code == 409
+        assert "last administrator" in refused.json()["detail"]
+
+
 def websocket_of(app, headers, query=""):
     scope = {
         "type": "websocket",

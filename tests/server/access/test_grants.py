@@ -91,6 +91,32 @@ async def test_changed_right_is_seen_by_what_looks_after_streams(
     assert before != after
 
 
+async def test_who_pilots_one_robot_says_how_they_are_told_and_no_other_person(
+    client: StationClient,
+):
+    granted = {"robot": MINI, "role": "pilot"}
+    ben = await person(client, "ben", "none", grants=[granted])
+    await person(client, "ann", "pilot")
+    eye = await person(client, "eye", "none", grants=[{**granted, "role": "viewer"}])
+    hook = {"title": "phone", "form": "webhook", "address": "https://hooks.example.org/1"}
+    for path in ("", "/station", "/people/ben"):
+        assert (await ben.get(f"/api/notices{path}")).status_code == 200, path
+        assert (await eye.get(f"/api/notices{path}")).status_code == 403, path
+    assert (await ben.put("/api/notices/people/ben", json={})).status_code == 200
+    made = await ben.post("/api/notices/people/ben/contacts", json=hook)
+    assert made.status_code == 201, made.text
+    contact = f"/api/notices/contacts/{made.json()['id']}"
+    assert (await eye.delete(contact)).status_code == 403
+    assert (await ben.patch(contact, json={"enabled": False})).status_code == 200
+    assert (await ben.delete(contact)).status_code == 204
+    for who in ("ann", "eye"):
+        assert (await ben.get(f"/api/notices/people/{who}")).status_code == 403
+        foreign = await ben.post(f"/api/notices/people/{who}/contacts", json=hook)
+        assert foreign.status_code == 403
+    for path in ("station", "heartbeat"):
+        assert (await ben.put(f"/api/notices/{path}", json={})).status_code == 403
+
+
 async def test_every_change_of_rights_is_in_the_log(client: StationClient, station: OpenStation):
     await client.put("/api/groups/lake", json={"robots": [MINI]})
     await person(client, "ben", "none", grants=[{"group": "lake", "role": "pilot"}])
@@ -147,6 +173,25 @@ async def test_read_only_link_shows_chosen_robots_and_no_secrets(
         assert (await browser.get(path)).status_code in {403, 404}, path
     for path in (f"/api/robots/{MINI}/commands", "/api/session/ticket", "/api/deployments"):
         assert (await browser.post(path, json={"kind": "surface"})).status_code == 403, path
+
+
+async def test_link_shows_the_water_of_its_robots_and_no_other(
+    client: StationClient, station: OpenStation
+):
+    document = station.fleet.status(MINI).record.site.model_dump(mode="json")
+    other = {"document": {**document, "name": "Elsewhere"}}
+    assert (await client.post("/api/waters", json=other)).status_code == 201
+    waters = (await client.get("/api/waters")).json()
+    assert len(waters) > 1
+    (of_robot,) = [water["id"] for water in waters if MINI in water["robots"]]
+    _, secret = await link_to(client, MINI)
+    browser = await looking(client, secret)
+    for water in (each["id"] for each in waters):
+        for part in ("", "/outline", "/depths"):
+            path = f"/api/waters/{water}{part}"
+            whole, shown = (await client.get(path)).status_code, await browser.get(path)
+            assert shown.status_code == (whole if water == of_robot else 404), path
+    assert (await browser.get(f"/api/waters/{of_robot}")).json()["robots"] == [MINI]
 
 
 @pytest.mark.parametrize("end", ["revoked", "expired"])
