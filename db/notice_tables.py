@@ -90,6 +90,7 @@ class Notice(Base):
     items: Mapped[int] = mapped_column(Integer)
     state: Mapped[str]
     attempts: Mapped[int] = mapped_column(Integer)
+    unanswered: Mapped[int] = mapped_column(Integer, server_default="0")
     created_at: Mapped[datetime]
     tried_at: Mapped[datetime | None]
     ended_at: Mapped[datetime | None]

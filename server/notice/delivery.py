@@ -43,6 +43,10 @@ _TEST = "Test: a notice of the ground station"
 _TEST_TEXT = "Somebody asked for this test. If you can read it, this contact works."
 
 
+REPEATED: Final = "This may be a repetition: the answer to an earlier attempt is not known."
+_STOPPED: Final = "The station stopped before the answer came."
+
+
 @dataclass(slots=True)
 class _Health:
     """How a contact does, as far as this run of the station knows."""
@@ -60,10 +64,21 @@ class _Standing:
     """How a message stands just before it is handed over."""
 
     items: list[ItemRecord]
+    notice: NoticeRecord
     robots: set[str | None]
     """Of which it tells; None for the station."""
     is_over: bool
     person: Reachable | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """What came of an attempt."""
+
+    evidence: NoticeEvidence
+    reply: str
+    unanswered: int | None = None
+    """After how many attempts in all the service may have it; ``None`` as noted before."""
 
 
 class Deliveries:
@@ -131,6 +146,17 @@ class Deliveries:
             timer.cancel()
         await self._sender.stop()
 
+    async def load(self) -> None:
+        """End the tests that were in hand when the station last stopped: nobody waits for them."""
+        now = self._clock.now()
+
+        def write(session: Session) -> None:
+            for notice in query.queued_notices(session):
+                if notice.topic == "test":
+                    state.apply(session, notice.id, NoticeEvidence.HOPELESS, _STOPPED, now)
+
+        await self._store.write(write)
+
     async def test(self, contact: str) -> tuple[NoticeRecord, Reply]:
         """Send a test to a contact now and return what came of it; it is sent once.
 
@@ -150,10 +176,11 @@ class Deliveries:
             record = await self._store.query(lambda session: query.get_notice(session, notice))
             reply = await self._hand_over(record, [], Rights(Role.NONE))
         except asyncio.CancelledError:
-            await asyncio.shield(self._settle(notice, NoticeEvidence.HOPELESS, "It was cancelled."))
+            cancelled = _Outcome(NoticeEvidence.HOPELESS, "It was cancelled.")
+            await asyncio.shield(self._settle(notice, cancelled))
             raise
         evidence = NoticeEvidence.TAKEN if reply.is_handed else NoticeEvidence.HOPELESS
-        await self._settle(notice, evidence, reply.text)
+        await self._settle(notice, _Outcome(evidence, reply.text, int(reply.is_doubtful)))
         if reply.is_handed:
             self._health.setdefault(contact, _Health()).not_before_s = 0.0
             self._on_free()
@@ -167,38 +194,51 @@ class Deliveries:
         """Try once to have a service take a message, and keep what came of it."""
         health = self._health.setdefault(notice.contact, _Health())
         try:
-            evidence, reply = await self._try(notice)
-            await until_stored("a notice", lambda: self._settle(notice.id, evidence, reply))
-            await self._tell_of_health()
+            outcome = await self._try(notice.id)
+            if outcome is not None:
+                await until_stored("a notice", lambda: self._settle(notice.id, outcome))
+                await self._tell_of_health()
         finally:
             health.is_busy = False
             self._on_free()
 
-    async def _try(self, notice: NoticeRecord) -> tuple[NoticeEvidence, str]:
+    async def _try(self, notice_id: str) -> _Outcome | None:
+        """Try a message once; ``None`` if it was settled since somebody listed it as queued."""
+
         def read(session: Session) -> _Standing:
+            notice = query.get_notice(session, notice_id)
             people = {person.name: person for person in query.everybody(session)}
             return _Standing(
-                items=query.items_of(session, notice.id),
-                robots=query.robots_of(session, notice.id),
-                is_over=query.is_all_over(session, notice.id),
+                notice=notice,
+                items=query.items_of(session, notice_id),
+                robots=query.robots_of(session, notice_id),
+                is_over=query.is_all_over(session, notice_id),
                 person=people.get(notice.person),
             )
 
         standing = await self._store.query(read)
-        person = standing.person
-        health = self._health.setdefault(notice.contact, _Health())
+        notice, person = standing.notice, standing.person
+        if notice.state != "queued":
+            return None
         if standing.is_over:
-            return NoticeEvidence.SEEN, "Somebody has seen all of it meanwhile."
+            return _Outcome(NoticeEvidence.SEEN, "Somebody has seen all of it meanwhile.")
         if person is None or not any(one.id == notice.contact for one in person.contacts):
-            return NoticeEvidence.HOPELESS, "There is no such contact any more."
+            return _Outcome(NoticeEvidence.HOPELESS, "There is no such contact any more.")
         rights = rights_of(person)
         if not all(rights.sees(robot) for robot in standing.robots):
-            return NoticeEvidence.HOPELESS, f"{person.name} may not see all of it any more."
+            reason = f"{person.name} may not see all of it any more."
+            return _Outcome(NoticeEvidence.HOPELESS, reason)
         reply = await self._hand_over(notice, standing.items, rights)
+        evidence = self._judged(notice, reply)
+        return _Outcome(evidence, reply.text, notice.unanswered + reply.is_doubtful)
+
+    def _judged(self, notice: NoticeRecord, reply: Reply) -> NoticeEvidence:
+        """Return what a reply proves, and take what it tells of its contact."""
+        health = self._health.setdefault(notice.contact, _Health())
         if reply.is_handed:
             health.failures = 0
             health.failing_since = None
-            return NoticeEvidence.TAKEN, reply.text
+            return NoticeEvidence.TAKEN
         delay_s = BACK_OFF_S[min(health.failures, len(BACK_OFF_S) - 1)]
         health.failures += 1
         health.not_before_s = monotonic_s() + delay_s
@@ -207,9 +247,7 @@ class Deliveries:
         expires_at = notice.link_expires_at
         is_old = expires_at is not None and self._wall.now() >= expires_at
         is_refused = reply.is_refusal and notice.attempts + 1 >= REFUSALS_MAX
-        if is_old or is_refused:
-            return NoticeEvidence.HOPELESS, reply.text
-        return NoticeEvidence.NOT_TAKEN, reply.text
+        return NoticeEvidence.HOPELESS if is_old or is_refused else NoticeEvidence.NOT_TAKEN
 
     async def _hand_over(
         self, notice: NoticeRecord, items: Sequence[ItemRecord], rights: Rights
@@ -221,6 +259,8 @@ class Deliveries:
         if address is None:
             return _no("Its address is not known any more; enter it again.")
         origin, text = self.link_origin, notice.text
+        if notice.unanswered:
+            text = f"{REPEATED}\n\n{text}"
         page = "" if origin is None or not items else page_of(origin, items)
         if page:
             text += f"\n\nPage: {page}"
@@ -228,6 +268,7 @@ class Deliveries:
         if origin and theirs:
             text += await asyncio.to_thread(self._link_text, origin, notice)
         extras = {"notice": notice.id, "topic": notice.topic, "level": notice.level}
+        extras["repeated"] = "maybe" if notice.unanswered else "no"
         if len(items) == 1:
             one = items[0]
             extras |= {"alarm": one.alarm or "", "robot": one.robot or ""}
@@ -235,7 +276,11 @@ class Deliveries:
         if url is None:
             return _no("The station has no mail server; an administrator enters one.")
         text += f"\n\n{notice.id}"
+        await until_stored("a notice", lambda: self._begin_attempt(notice.id))
         return await self._sender.send(Message(url, notice.title, text, notice.level))
+
+    async def _begin_attempt(self, notice: str) -> None:
+        await self._store.write(lambda session: query.begin_attempt(session, notice))
 
     def _link_text(self, origin: str, notice: NoticeRecord) -> str:
         expires_at = notice.link_expires_at
@@ -255,9 +300,10 @@ class Deliveries:
         except ValidationError:
             raise SecretUnreadableError("A file of the secret folder holds no address.") from None
 
-    async def _settle(self, notice: str, evidence: NoticeEvidence, reply: str) -> None:
+    async def _settle(self, notice: str, outcome: _Outcome) -> None:
         now = self._clock.now()
-        await self._store.write(lambda session: state.apply(session, notice, evidence, reply, now))
+        told = (outcome.evidence, outcome.reply, now, outcome.unanswered)
+        await self._store.write(lambda session: state.apply(session, notice, *told))
         self._foundation.feed.mark("notices")
 
     async def _tell_of_health(self) -> None:
@@ -274,4 +320,4 @@ class Deliveries:
 
 
 def _no(reason: str) -> Reply:
-    return Reply(is_handed=False, is_refusal=False, text=reason, took_s=0.0)
+    return Reply(is_handed=False, is_refusal=False, is_doubtful=False, text=reason, took_s=0.0)

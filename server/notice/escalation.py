@@ -63,7 +63,8 @@ def take_alarms(session: Session, alarms: Mapping[str, AlarmRecord], now: dateti
     for alarm in alarms.values():
         row = rows.get(alarm.id)
         if row is None:
-            if is_to_be_seen(alarm) and alarm.cleared_at is None:
+            is_grave = alarm.level == "critical"  # told even if it was normal before it could be
+            if is_to_be_seen(alarm) and (alarm.cleared_at is None or is_grave):
                 session.add(_case(alarm, now))
         elif is_to_be_seen(alarm):
             _change(row, alarm, now)

@@ -1,9 +1,10 @@
 """Whom the station tells of what: from alarms and events to messages that are ready to be sent.
 
 What is to be told is written before anything is sent, and what became of it after, so a station
-that is killed in between sends it again: at least once, with one key (its notice's id). What waits
-for a contact on a topic becomes one message, and messages on a topic leave no faster than
-``BURST`` and then one in ``REFILL_S``: ten thousand causes are a few digests.
+that is killed in between sends it again: at least once, with one key (its notice's id). It says
+that it may be a repetition where the answer to an earlier attempt is not known. What waits for a
+contact on a topic becomes one message, and messages on a topic leave no faster than ``BURST`` and
+then one in ``REFILL_S``: ten thousand causes are a few digests.
 """
 
 from collections.abc import Callable, Mapping
@@ -95,6 +96,7 @@ class Notices:
 
     async def load(self) -> None:
         """Take up what the station was to tell when it last ran."""
+        await self.deliveries.load()
         alarms, now = self._alarms.open, self._clock.now()
 
         def read(session: Session) -> list[EventRecord]:

@@ -114,6 +114,8 @@ class NoticeView(View):
     """``queued``; ``handed``: a service took it, which is no proof that anybody read it;
     ``given_up``; ``withdrawn``: all of it was seen before a service took it."""
     attempts: int
+    unanswered: int
+    """Attempts of which no answer is known: the service may have it of each of them as well."""
     created_at: datetime
     tried_at: datetime | None
     ended_at: datetime | None

@@ -40,6 +40,8 @@ class Reply:
     is_handed: bool
     is_refusal: bool
     """Whether the service says that it will not take this, rather than not now."""
+    is_doubtful: bool
+    """Whether the service may have taken it although it did not say so."""
     text: str
     """The service's own words, or why there are none."""
     took_s: float
@@ -118,9 +120,10 @@ class Sender:
 
     async def send(self, message: Message) -> Reply:
         """Hand over one message and return what came of it; never raises for a service's fault."""
-        begun_s = monotonic_s()
+        begun_s, is_given = monotonic_s(), False
         try:
             process = await self._ready()
+            is_given = True
             async with asyncio.timeout(self._patience_s):
                 return await self._ask(process, message)
         except TimeoutError:
@@ -128,7 +131,13 @@ class Sender:
         except (ConnectionError, OSError) as error:
             log.warning("the sending process failed: %s", type(error).__name__)
             reason = "The station's own sending process ended; it is started anew."
-        return Reply(is_handed=False, is_refusal=False, text=reason, took_s=monotonic_s() - begun_s)
+        return Reply(
+            is_handed=False,
+            is_refusal=False,
+            is_doubtful=is_given,
+            text=reason,
+            took_s=monotonic_s() - begun_s,
+        )
 
     async def stop(self) -> None:
         """End the process; what it has in hand counts as not handed over."""
@@ -152,6 +161,7 @@ class Sender:
         return Reply(
             is_handed=answer["is_handed"],
             is_refusal=answer["is_refusal"],
+            is_doubtful=answer["is_doubtful"],
             text=answer["reply"],
             took_s=answer["took_s"],
         )

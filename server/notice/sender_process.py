@@ -11,10 +11,11 @@ import json
 import logging
 import smtplib
 import socket
+import ssl
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final, TypeVar
 
 import apprise
@@ -30,6 +31,12 @@ _LATER: Final = frozenset({408, 425, 429})
 """Statuses of HTTP that say: not now."""
 _BYE: Final = 221
 _SMTP_REFUSED: Final = range(500, 600)
+_NO_CONNECTION: Final = (
+    ConnectionRefusedError,
+    socket.gaierror,
+    requests.exceptions.ConnectTimeout,
+    ssl.SSLCertVerificationError,
+)
 _R = TypeVar("_R")
 _noted = threading.local()
 
@@ -58,7 +65,7 @@ def main() -> None:
 
 def hand_over(request: dict[str, Any]) -> dict[str, Any]:
     """Hand one message to one service and return its number, whether it went, and the reply."""
-    _noted.reply, _noted.is_refusal = "", False
+    _noted.reply, _noted.is_refusal, _noted.is_doubtful = "", False, True
     begun_s = time.monotonic()
     try:
         service = apprise.Apprise.instantiate(request["url"])
@@ -72,6 +79,7 @@ def hand_over(request: dict[str, Any]) -> dict[str, Any]:
         )
         if service is None:
             _noted.reply, _noted.is_refusal = "The address is none that apprise knows.", True
+            _noted.is_doubtful = False
     except Exception as error:  # noqa: BLE001 - of a hundred plugins; its text may hold an address
         is_handed, _noted.reply = False, f"The service's plugin failed: {type(error).__name__}."
     reply = _noted.reply or ("It was taken." if is_handed else "It was not taken; no reply came.")
@@ -79,6 +87,7 @@ def hand_over(request: dict[str, Any]) -> dict[str, Any]:
         "number": request["number"],
         "is_handed": is_handed,
         "is_refusal": not is_handed and _noted.is_refusal,
+        "is_doubtful": not is_handed and _noted.is_doubtful,
         "reply": reply,
         "took_s": time.monotonic() - begun_s,
     }
@@ -91,10 +100,12 @@ def _noting_http(send: Callable[..., requests.Response]) -> Callable[..., reques
             text = answer.text
         except (requests.RequestException, OSError) as error:
             _noted.reply, _noted.is_refusal = http_fault(error), False
+            _noted.is_doubtful = not _never_left(error)
             raise
         said = " ".join(text.split())[:REPLY_LENGTH_MAX]
         _noted.reply = f"HTTP {answer.status_code} {answer.reason}" + (f": {said}" if said else "")
         _noted.is_refusal = answer.status_code in _REFUSED and answer.status_code not in _LATER
+        _noted.is_doubtful = False
         return answer
 
     return noting
@@ -105,7 +116,7 @@ def _noting_smtp(function: Callable[..., _R]) -> Callable[..., _R]:
         try:
             found = function(*args, **options)
         except (smtplib.SMTPException, OSError) as error:
-            _noted.reply = _fault(error)
+            _noted.reply, _noted.is_doubtful = _fault(error), not _never_left(error)
             raise
         # A goodbye tells nothing of the mail, and what follows a refusal only tidies up after it.
         if isinstance(found, tuple) and found[0] != _BYE and not _noted.is_refusal:
@@ -113,6 +124,7 @@ def _noting_smtp(function: Callable[..., _R]) -> Callable[..., _R]:
             words = said.decode(errors="replace") if isinstance(said, bytes) else str(said)
             _noted.reply = f"SMTP {code} {' '.join(words.split())[:REPLY_LENGTH_MAX]}"
             _noted.is_refusal = code in _SMTP_REFUSED
+            _noted.is_doubtful = False
         return found
 
     return noting
@@ -122,16 +134,23 @@ def http_fault(error: BaseException) -> str:
     """Say what went wrong below HTTP, without the address that the error's own text holds."""
     if isinstance(error, requests.exceptions.SSLError):
         return "Its certificate is not trusted."
+    return next(filter(None, map(_fault, _causes(error))), "The connection broke off.")
+
+
+def _never_left(error: BaseException) -> bool:
+    """Tell whether an error proves that nothing of the message reached its service."""
+    return any(isinstance(cause, _NO_CONNECTION) for cause in _causes(error))
+
+
+def _causes(error: BaseException) -> Iterator[BaseException]:
+    """Yield an error and what it came of, however the libraries wrapped it."""
     cause: BaseException | None = error
     while cause is not None:
-        found = _fault(cause)
-        if found:
-            return found
+        yield cause
         inner = getattr(cause, "reason", None) or next(
             (one for one in cause.args if isinstance(one, BaseException)), None
         )
         cause = inner if isinstance(inner, BaseException) else cause.__context__
-    return "The connection broke off."
 
 
 def _fault(error: BaseException) -> str:

@@ -48,11 +48,24 @@ _WORDS: Final = {
 
 
 def apply(
-    session: Session, notice: str, evidence: NoticeEvidence, reply: str, at: datetime
+    session: Session,
+    notice: str,
+    evidence: NoticeEvidence,
+    reply: str,
+    at: datetime,
+    unanswered: int | None = None,
 ) -> Notice | None:
     """Move a notice by its table and log it; None if that changes nothing.
 
     The first of several vain attempts is logged, and the end; the row counts them all.
+
+    Args:
+        session: The transaction.
+        notice: Which.
+        evidence: What was proved of it.
+        reply: The service's words, or why there are none.
+        at: The station's time.
+        unanswered: After how many attempts in all the service may have it; ``None`` as noted.
     """
     row = query.notice_row(session, notice)
     step = _TABLE.get((row.state, evidence))
@@ -62,6 +75,7 @@ def apply(
     if evidence is not NoticeEvidence.SEEN:
         row.attempts, row.tried_at = row.attempts + 1, at
     row.reply = reply
+    row.unanswered = row.unanswered if unanswered is None else unanswered
     if step.state != "queued":
         row.ended_at = at
     if step.state != "queued" or row.attempts == 1:

@@ -84,6 +84,8 @@ class NoticeRecord:
     state: str
     """``queued``, ``handed``, ``given_up`` or ``withdrawn``."""
     attempts: int
+    unanswered: int
+    """Attempts of which no answer is known: after each of them the service may have it."""
     created_at: datetime
     tried_at: datetime | None
     ended_at: datetime | None
@@ -332,6 +334,7 @@ def add_notice(
         items=items,
         state="queued",
         attempts=0,
+        unanswered=0,
         created_at=at,
         tried_at=None,
         ended_at=None,
@@ -363,6 +366,15 @@ def get_notice(session: Session, notice: str) -> NoticeRecord:
     if found is None:
         raise UnknownIdError("notice", notice)
     return _notice(*found)
+
+
+def begin_attempt(session: Session, notice: str) -> None:
+    """Note that a message leaves now: until its answer is kept, the service may have it.
+
+    Raises:
+        UnknownIdError: If there is none.
+    """
+    notice_row(session, notice).unanswered += 1
 
 
 def queued_notices(session: Session) -> list[NoticeRecord]:

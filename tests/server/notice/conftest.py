@@ -1,14 +1,18 @@
+import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 import pytest_asyncio
 from sqlalchemy.orm import Session
 
 from db.query.station.people import add_person
+from robot_link.clock import SystemClock
 from server.access.role import Role
 from server.base.foundation import Foundation
 from server.base.settings import Settings
@@ -16,6 +20,7 @@ from server.notice.outbox import Notices
 from server.station import Station, run_station
 from tests.server.conftest import application
 from tests.server.fake_link import World
+from tests.server.notice.receiver import Taken
 from tests.server.station_app import bearer, token_of
 
 ORIGIN = "http://127.0.0.1:8000"
@@ -88,3 +93,40 @@ async def here(tmp_path: Path, world: World) -> AsyncIterator[NoticeStation]:
         await station.person("ann")
         await station.person("ben")
         yield station
+
+
+@pytest.fixture
+def moving(monkeypatch: pytest.MonkeyPatch) -> list[timedelta]:
+    """Let a test move every station's clock forward."""
+    ahead = [timedelta()]
+    now = SystemClock().now
+
+    class Moved:
+        speed = 1.0
+
+        def now(self) -> datetime:
+            return now() + ahead[0]
+
+    monkeypatch.setattr("server.base.foundation.read_clock", lambda _: Moved())
+    return ahead
+
+
+def words(taken: Taken) -> str:
+    return taken.json["message"]
+
+
+async def move(here: NoticeStation, moving: list[timedelta], minutes: float) -> None:
+    """Let time pass, and wait until the station has done what was due."""
+    moving[0] += timedelta(minutes=minutes)
+    here.notices._wakeups.wake()
+    done = asyncio.Event()
+    seen = here.notices._wakeups.next
+
+    async def watch() -> list[str]:
+        done.set()
+        return await seen()
+
+    here.notices._wakeups.next = watch
+    async with asyncio.timeout(30.0):
+        await done.wait()
+    here.notices._wakeups.next = seen

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -27,12 +28,33 @@ class WebService:
 
     port: int = 0
     mode: str = "take"
-    """``take``, ``refuse``, ``break``, ``drip`` or ``hang``."""
+    """``take``, ``refuse``, ``break``, ``drip``, ``hang``, ``mute`` that takes and never says
+    so, or ``closed`` until it listens."""
     answer: str = "thank you"
     taken: list[Taken] = field(default_factory=list)
     calls: int = 0
     news: asyncio.Event = field(default_factory=asyncio.Event)
     open: set["asyncio.Task[None]"] = field(default_factory=set)
+    bound: socket.socket = field(default_factory=socket.socket)
+    _server: asyncio.Server | None = None
+
+    def __post_init__(self) -> None:
+        self.bound.bind(("127.0.0.1", 0))
+        self.port = self.bound.getsockname()[1]
+
+    async def listen(self) -> None:
+        """Take connections; before, they are refused."""
+        self._server = await asyncio.start_server(self.serve, sock=self.bound)
+
+    async def close(self) -> None:
+        if self._server is None:
+            self.bound.close()
+        else:
+            self._server.close()
+        held = list(self.open)
+        for task in held:
+            task.cancel()
+        await asyncio.gather(*held, return_exceptions=True)
 
     @property
     def url(self) -> str:
@@ -59,10 +81,10 @@ class WebService:
         body = await reader.readexactly(int(headers.get("content-length", "0")))
         self.calls += 1
         mode = self.mode
-        if mode == "take":
+        if mode in ("take", "mute"):
             self.taken.append(Taken(head[0].split(" ")[1], headers, body))
         self.news.set()
-        if mode == "hang":
+        if mode in ("hang", "mute"):
             await reader.read()
             return
         if mode == "drip":
@@ -96,16 +118,12 @@ class WebService:
 @asynccontextmanager
 async def web_service(mode: str = "take") -> AsyncGenerator[WebService]:
     service = WebService(mode=mode)
-    server = await asyncio.start_server(service.serve, "127.0.0.1", 0)
-    service.port = server.sockets[0].getsockname()[1]
+    if mode != "closed":
+        await service.listen()
     try:
         yield service
     finally:
-        server.close()
-        held = list(service.open)
-        for task in held:
-            task.cancel()
-        await asyncio.gather(*held, return_exceptions=True)
+        await service.close()
 
 
 @dataclass

@@ -1,8 +1,7 @@
 """Alarms on their way to people: told, digested, escalated, kept through a kill."""
 
-import asyncio
 import time
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -12,28 +11,8 @@ from server.access.role import Role
 from server.notice import delivery, outbox
 from tests.server.conftest import GRACE, MINI, until
 from tests.server.fake_link import World, state_report
-from tests.server.notice.conftest import NoticeStation, notice_station
+from tests.server.notice.conftest import NoticeStation, move, notice_station, words
 from tests.server.notice.receiver import Taken, web_service
-
-
-@pytest.fixture
-def moving(monkeypatch: pytest.MonkeyPatch) -> list[timedelta]:
-    """Let a test move every station's clock forward."""
-    ahead = [timedelta()]
-    now = SystemClock().now
-
-    class Moved:
-        speed = 1.0
-
-        def now(self) -> datetime:
-            return now() + ahead[0]
-
-    monkeypatch.setattr("server.base.foundation.read_clock", lambda _: Moved())
-    return ahead
-
-
-def words(taken: Taken) -> str:
-    return taken.json["message"]
 
 
 async def test_a_leak_reaches_a_webhook_within_five_seconds_with_all_that_matters(
@@ -162,23 +141,6 @@ async def test_nobody_acknowledges_so_the_next_is_called_and_then_it_ends(
         await here.alarms.acknowledge(alarm.id, "ben")
         await move(here, moving, minutes=120)
         assert (len(first.taken), len(on.taken)) == (1, 2)
-
-
-async def move(here: NoticeStation, moving: list[timedelta], minutes: float) -> None:
-    """Let time pass, and wait until the station has done what was due."""
-    moving[0] += timedelta(minutes=minutes)
-    here.notices._wakeups.wake()
-    done = asyncio.Event()
-    seen = here.notices._wakeups.next
-
-    async def watch() -> list[str]:
-        done.set()
-        return await seen()
-
-    here.notices._wakeups.next = watch
-    async with asyncio.timeout(30.0):
-        await done.wait()
-    here.notices._wakeups.next = seen
 
 
 async def test_a_step_that_reaches_nobody_is_left_out_at_once(

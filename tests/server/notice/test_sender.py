@@ -90,13 +90,14 @@ async def test_each_trouble_of_a_service_has_its_sentence(
     async with web_service(mode) as service:
         reply = await sender.send(message_to("webhook", service.url))
     assert (reply.is_handed, reply.is_refusal, reply.text) == (False, is_refusal, words)
+    assert reply.is_doubtful == (mode in ("drip", "hang"))
 
 
 async def test_a_closed_port_is_told_without_the_address(sender: Sender):
     async with web_service() as service:
         url = f"http://ann:hidden@127.0.0.1:{service.port}/word-nobody-may-see"
     reply = await sender.send(message_to("webhook", url))
-    assert reply == Reply(False, False, "The connection was refused.", reply.took_s)
+    assert reply == Reply(False, False, False, "The connection was refused.", reply.took_s)
 
 
 async def test_services_that_hang_hold_up_no_other(sender: Sender):

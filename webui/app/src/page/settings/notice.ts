@@ -44,10 +44,12 @@ export const STATES: Readonly<Record<NoticeState, string>> = {
   withdrawn: 'Seen before it was sent',
 };
 
-/** What is proved of a notice; one that was tried in vain says so. */
-export function stateWords(state: NoticeState, attempts: number): string {
-  if (state === 'queued' && attempts > 0) return `Tried ${attempts} ×, is tried again`;
-  return STATES[state];
+/** What is proved of a notice; one that was tried in vain, or may have come twice, says so. */
+export function stateWords(state: NoticeState, attempts: number, unanswered: number): string {
+  const words =
+    state === 'queued' && attempts > 0 ? `Tried ${attempts} ×, is tried again` : STATES[state];
+  if (unanswered === 0) return words;
+  return `${words}; ${state === 'handed' ? 'it may have come twice' : 'it may have come all the same'}`;
 }
 
 /** A new night, as most people sleep. */
