@@ -22,6 +22,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "link": "listen to a link and say what to try, or list the links of the robots",
         "import": "take in a recorded deployment from CSV",
         "water": "make a water of files, or list the waters",
+        "deployment": "list deployments, begin and end them, review and deliver their data",
         "export": "write a deployment as CSV, GeoJSON or KML",
         "design": "make a design of a plan file of another program, or such a file of a design",
         "journal": "write the raw journal as .tlog, or hold what is stored against it",

@@ -127,24 +127,51 @@ class Deployments:
         """
         at = self._clock.now()
         return await self._write(
-            lambda session: change.void_deployment(session, deployment, reason, at), "voided", by
+            lambda s: change.void_deployment(s, deployment, reason, at), "voided", by, reason
+        )
+
+    async def review(self, deployment: str, note: str, *, by: str) -> DeploymentRecord:
+        """Sign that the data were looked at.
+
+        Raises:
+            Problem: 409 if it is not recovered.
+        """
+        at = self._clock.now()
+        return await self._write(
+            lambda s: change.review_deployment(s, deployment, note, at, by), "reviewed", by, note
+        )
+
+    async def deliver(self, deployment: str, to: str, *, by: str) -> DeploymentRecord:
+        """Note to whom the data were handed over.
+
+        Raises:
+            Problem: 409 if it is not reviewed.
+        """
+        at = self._clock.now()
+        return await self._write(
+            lambda s: change.deliver_deployment(s, deployment, to, at, by), "delivered", by, to
+        )
+
+    async def reopen(self, deployment: str, reason: str, *, by: str) -> DeploymentRecord:
+        """Let a reviewed or delivered deployment be reviewed anew.
+
+        Raises:
+            Problem: 409 if it is neither.
+        """
+        return await self._write(
+            lambda s: change.reopen_deployment(s, deployment), "reopened", by, reason
         )
 
     async def _write(
-        self, decide: Callable[[Session], DeploymentRecord], verb: str, by: str
+        self,
+        decide: Callable[[Session], DeploymentRecord],
+        verb: str,
+        by: str,
+        why: str = "",
     ) -> DeploymentRecord:
         at = self._clock.now()
-
-        def write(session: Session) -> DeploymentRecord:
-            record = decide(session)
-            why = f": {record.void_reason}" if verb == "voided" else "."
-            text = f"{by}: {record.id} of {record.robot} ({record.title}) {_DONE[verb]}{why}"
-            data = {"deployment": record.id}
-            add_event(session, at, f"deployment.{verb}", text, robot=record.robot, data=data)
-            return record
-
         try:
-            record = await self._store.write(write)
+            record = await self._store.write(lambda s: write_step(s, at, decide, verb, by, why))
         except change.DeploymentTimesError as error:
             raise unprocessable(str(error), []) from error
         except (change.DeploymentStateError, change.DeploymentOverlapError) as error:
@@ -163,6 +190,32 @@ class Deployments:
             raise unprocessable(f"{len(errors)} moments are in the future.", errors)
 
 
+def write_step(
+    session: Session,
+    at: datetime,
+    decide: Callable[[Session], DeploymentRecord],
+    verb: str,
+    by: str,
+    why: str = "",
+) -> DeploymentRecord:
+    """Make one change of a deployment and write its event, in one transaction.
+
+    Args:
+        session: A writing session.
+        at: When it is done.
+        decide: The change itself.
+        verb: Last word of the event's kind, a key of ``_DONE``.
+        by: Who decided.
+        why: What they said.
+    """
+    record = decide(session)
+    said = f": {why}" if why else "."
+    text = f"{by}: {record.id} of {record.robot} ({record.title}) {_DONE[verb]}{said}"
+    data = {"deployment": record.id}
+    add_event(session, at, f"deployment.{verb}", text, robot=record.robot, data=data)
+    return record
+
+
 _DONE = {
     "planned": "is planned",
     "began": "began",
@@ -171,5 +224,8 @@ _DONE = {
     "split": "was split",
     "corrected": "was corrected",
     "voided": "is void",
+    "reviewed": "was reviewed",
+    "delivered": "was delivered",
+    "reopened": "is to be reviewed anew",
 }
 """What became of a deployment, by the last word of its event's kind."""

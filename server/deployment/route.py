@@ -27,6 +27,7 @@ router = APIRouter(prefix="/api", tags=["deployments"], route_class=IdempotentRo
 
 DeploymentsDep = Annotated[Deployments, Depends(service(Deployments))]
 SuggestionsDep = Annotated[Suggestions, Depends(service(Suggestions))]
+State = Literal["planned", "in_water", "recovered", "reviewed", "delivered"]
 Purpose = Annotated[str, Field(max_length=500)]
 People = Annotated[list[Name], Field(max_length=50)]
 
@@ -76,12 +77,30 @@ class Voiding(Body):
     reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
 
 
+class Review(Body):
+    """What a person says who looked at the data."""
+
+    note: str = Field(default="", max_length=500)
+
+
+class Delivery(Body):
+    """To whom the data were handed over."""
+
+    to: str = Field(min_length=1, max_length=500, pattern=r"\S")
+
+
+class Reopening(Body):
+    """Why a deployment is to be reviewed anew."""
+
+    reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
+
+
 @router.get("/deployments")
 async def list_deployments(
     caller: Viewer,
     store: StoreDep,
     robot: Annotated[str | None, Query()] = None,
-    state: Annotated[Literal["planned", "in_water", "recovered"] | None, Query()] = None,
+    state: Annotated[State | None, Query()] = None,
     void: Annotated[bool, Query(description="Those that do not count, instead.")] = False,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
@@ -204,6 +223,35 @@ async def void_deployment(
 ) -> DeploymentView:
     """Hide a deployment that was made by mistake; what the robot said then belongs to none."""
     return await _view(store, await deployments.void(deployment, body.reason, by=caller.name))
+
+
+@router.post("/deployments/{deployment}/review")
+async def review_deployment(
+    caller: Pilot,
+    deployment: str,
+    deployments: DeploymentsDep,
+    store: StoreDep,
+    body: Review | None = None,
+) -> DeploymentView:
+    """Sign that the data of a recovered deployment were looked at; its times are fixed then."""
+    note = "" if body is None else body.note
+    return await _view(store, await deployments.review(deployment, note, by=caller.name))
+
+
+@router.post("/deployments/{deployment}/deliver")
+async def deliver_deployment(
+    caller: Pilot, deployment: str, body: Delivery, deployments: DeploymentsDep, store: StoreDep
+) -> DeploymentView:
+    """Note to whom the data of a reviewed deployment were handed over."""
+    return await _view(store, await deployments.deliver(deployment, body.to, by=caller.name))
+
+
+@router.post("/deployments/{deployment}/reopen")
+async def reopen_deployment(
+    caller: Pilot, deployment: str, body: Reopening, deployments: DeploymentsDep, store: StoreDep
+) -> DeploymentView:
+    """Take back that a deployment was reviewed, and delivered; files that were made stay."""
+    return await _view(store, await deployments.reopen(deployment, body.reason, by=caller.name))
 
 
 @router.delete("/robots/{robot}/deployment-suggestion")

@@ -7,12 +7,13 @@ from typing import Annotated, NotRequired
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
-from db.query.fleet.deployments import DeploymentRecord
+from db.query.fleet.deployment_change import STATES
+from db.query.fleet.deployments import DeploymentRecord, list_deployments
 from db.query.measured.samples import kept_counts
 from db.record import same
 from server.base.view import View, one_of
 
-DeploymentState = Annotated[str, one_of("planned", "in_water", "recovered")]
+DeploymentState = Annotated[str, one_of(*STATES)]
 
 
 class RecordedScores(TypedDict):
@@ -30,6 +31,14 @@ class RecordedScores(TypedDict):
     samples: int
     held_out: NotRequired[int]
     message: NotRequired[str]
+
+
+class Signature(TypedDict):
+    """Who moved a deployment, when, and what they said."""
+
+    by: str
+    at: datetime
+    note: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +69,10 @@ class DeploymentView(View):
     """Rows of the file that were broken and left out."""
     scores: list[RecordedScores]
     """How well the maps of a recording predict samples that were held out."""
+    review: Signature | None
+    """Who looked at its data and signed them; null until then."""
+    delivery: Signature | None
+    """Who handed its data over; the note says to whom."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,12 @@ class SplitView(View):
 
     first: DeploymentView
     second: DeploymentView
+
+
+def list_views(session: Session, robot: str | None) -> list[DeploymentView]:
+    """Return the newest thousand deployments, of one robot or of all."""
+    records = list_deployments(session, robot=robot, limit=1000)
+    return [deployment_view(session, record) for record in records]
 
 
 def deployment_view(session: Session, record: DeploymentRecord) -> DeploymentView:
@@ -95,4 +114,13 @@ def deployment_view(session: Session, record: DeploymentRecord) -> DeploymentVie
         source=str(record.document.get("source", "")),
         skipped_rows=int(record.document.get("skipped_rows", 0)),
         scores=list(record.document.get("scores", [])),
+        review=_signature(record, "review"),
+        delivery=_signature(record, "delivery"),
     )
+
+
+def _signature(record: DeploymentRecord, key: str) -> Signature | None:
+    kept = record.document.get(key)
+    if kept is None:
+        return None
+    return Signature(by=kept["by"], at=datetime.fromisoformat(kept["at"]), note=kept["note"])

@@ -1,16 +1,20 @@
 """What changes a deployment: it is planned, begins, ends, is split, corrected, or made void.
 
-=============  ====================  ==============================================
-from           step                  to
-=============  ====================  ==============================================
-(none)         ``add_deployment``    planned; with a start in_water, with an end too recovered
-planned        ``begin_deployment``  in_water
-in_water       ``end_deployment``    recovered
-any            ``void_deployment``   the same, void: it holds nothing any more
-=============  ====================  ==============================================
+===================  ======================  ==============================================
+from                 step                    to
+===================  ======================  ==============================================
+(none)               ``add_deployment``      planned; with a start in_water, with both recovered
+planned              ``begin_deployment``    in_water
+in_water             ``end_deployment``      recovered
+recovered            ``review_deployment``   reviewed: a named person looked at its data
+reviewed             ``deliver_deployment``  delivered: its data were handed over
+reviewed, delivered  ``reopen_deployment``   recovered, with a reason
+any                  ``void_deployment``     the same, void: it holds nothing any more
+===================  ======================  ==============================================
 
-Deployments of one robot never overlap. What a robot said belongs to one by its time alone, so
-every change of times moves nothing but the counts of its samples.
+Imported recordings are recovered from the beginning. Deployments of one robot never overlap.
+What a robot said belongs to one by its time alone, so every change of times moves nothing but the
+counts of its samples.
 """
 
 from collections.abc import Sequence
@@ -28,7 +32,9 @@ from db.query.fleet.robots import get_robot
 from db.tables import Deployment, Robot
 
 BEGUN = ("in_water", "recovered")
-"""States whose times may be corrected: no file was made of it yet."""
+"""States whose times may be corrected: nobody signed them yet."""
+STATES = ("planned", "in_water", "recovered", "reviewed", "delivered")
+"""Every state, in the order of a deployment's life."""
 
 
 class DeploymentStateError(StoreError):
@@ -181,6 +187,47 @@ def correct_deployment(
     return deployment_record(session, row, robot)
 
 
+def review_deployment(
+    session: Session, deployment: str, note: str, at: datetime, by: str
+) -> DeploymentRecord:
+    """Sign that the data of a deployment were looked at.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+        DeploymentStateError: If it is not recovered.
+    """
+    row, robot = _any_row(session, deployment, "recovered")
+    _sign(session, row, "reviewed", "review", {"by": by, "at": at.isoformat(), "note": note})
+    return deployment_record(session, row, robot)
+
+
+def deliver_deployment(
+    session: Session, deployment: str, to: str, at: datetime, by: str
+) -> DeploymentRecord:
+    """Note to whom the data of a deployment were handed over.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+        DeploymentStateError: If it is not reviewed.
+    """
+    row, robot = _any_row(session, deployment, "reviewed")
+    _sign(session, row, "delivered", "delivery", {"by": by, "at": at.isoformat(), "note": to})
+    return deployment_record(session, row, robot)
+
+
+def reopen_deployment(session: Session, deployment: str) -> DeploymentRecord:
+    """Take the signatures back, so that the deployment is reviewed anew.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+        DeploymentStateError: If it is neither reviewed nor delivered.
+    """
+    row, robot = _any_row(session, deployment, "reviewed", "delivered")
+    _sign(session, row, "recovered", "review", None)
+    _sign(session, row, "recovered", "delivery", None)
+    return deployment_record(session, row, robot)
+
+
 def void_deployment(
     session: Session, deployment: str, reason: str, at: datetime
 ) -> DeploymentRecord:
@@ -201,11 +248,28 @@ def void_deployment(
 
 
 def _row(session: Session, deployment: str, *states: str) -> tuple[Deployment, str]:
-    """Return the row of a deployment that counts and is in one of these states."""
+    """Return the row of a live deployment that counts and is in one of these states."""
     row, robot = row_and_robot(session, Deployment, "deployment", deployment)
     _refuse_void(row, deployment)
     _refuse_state(row, deployment, states)
     return row, robot
+
+
+def _any_row(session: Session, deployment: str, *states: str) -> tuple[Deployment, str]:
+    """Return the row of a deployment, live or recorded, that is in one of these states."""
+    row, robot = row_and_robot(session, Deployment, "deployment", deployment)
+    _refuse_void(row, deployment)
+    _refuse_other_state(row, deployment, states)
+    return row, robot
+
+
+def _sign(
+    session: Session, row: Deployment, state: str, key: str, signature: dict[str, str] | None
+) -> None:
+    """Move a deployment and keep who did it, when, and what they said."""
+    kept = {name: value for name, value in row.document.items() if name != key}
+    row.state, row.document = state, kept if signature is None else {**kept, key: signature}
+    session.flush()
 
 
 def _refuse_void(row: Deployment, deployment: str) -> None:
@@ -216,6 +280,10 @@ def _refuse_void(row: Deployment, deployment: str) -> None:
 def _refuse_state(row: Deployment, deployment: str, states: Sequence[str]) -> None:
     if row.kind != "live":
         raise DeploymentStateError(f"{deployment} is a recording; its times are those of its rows.")
+    _refuse_other_state(row, deployment, states)
+
+
+def _refuse_other_state(row: Deployment, deployment: str, states: Sequence[str]) -> None:
     if row.state not in states:
         wanted = " or ".join(states).replace("_", " ")
         raise DeploymentStateError(

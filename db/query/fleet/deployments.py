@@ -37,7 +37,7 @@ class DeploymentRecord:
     kind: str
     """``live`` or ``recorded``."""
     state: str
-    """``planned``, ``in_water`` or ``recovered``."""
+    """``planned``, ``in_water``, ``recovered``, ``reviewed`` or ``delivered``."""
     title: str
     purpose: str
     people: tuple[str, ...]
@@ -54,7 +54,8 @@ class DeploymentRecord:
     rows: int
     variables: tuple[str, ...]
     document: Mapping[str, Any]
-    """What else is known: the file's name, rows that were skipped, scores of its maps."""
+    """What else is known: the file's name, rows that were skipped, scores of its maps; who
+    reviewed it, and to whom it was delivered."""
 
     @property
     def begun_at(self) -> datetime:

@@ -248,7 +248,7 @@ async def test_only_a_pilot_decides_and_a_viewer_looks(client, station):
     first = await in_water(client)
     async with api_client(station, Role.VIEWER) as viewer:
         assert (await viewer.get("/api/deployments")).status_code == 200
-        for step in ("begin", "end", "split", "void"):
+        for step in ("begin", "end", "split", "void", "review", "deliver", "reopen"):
             path = f"/api/deployments/{first['id']}/{step}"
             assert (await viewer.post(path, json={})).status_code == 403
         assert (await viewer.post("/api/deployments", json={"robot": MINI})).status_code == 403
@@ -307,3 +307,48 @@ async def test_a_name_for_recordings_has_no_radio(client):
     assert "neither" in str(refused["errors"])
     refused = await answered(client.post("/api/deployments", json={"robot": "old-1"}), 409)
     assert "recording" in refused["detail"]
+
+
+async def test_data_are_reviewed_then_delivered_and_can_be_reopened(client):
+    first = await in_water(client)
+    path = f"/api/deployments/{first['id']}"
+    refused = await answered(client.post(f"{path}/review"), 409)
+    assert "is in water, and would have to be recovered" in refused["detail"]
+    await answered(client.post(f"{path}/end"))
+    refused = await answered(client.post(f"{path}/deliver", json={"to": "A data centre"}), 409)
+    assert "would have to be reviewed" in refused["detail"]
+    reviewed = await answered(client.post(f"{path}/review", json={"note": "One spike"}))
+    assert (reviewed["state"], reviewed["review"]["note"]) == ("reviewed", "One spike")
+    assert reviewed["review"]["by"]
+    refused = await answered(client.patch(path, json={"started_at": first["started_at"]}), 409)
+    assert "is reviewed, and would have to be in water or recovered" in refused["detail"]
+    assert (await answered(client.patch(path, json={"purpose": "Light"})))["purpose"] == "Light"
+    assert await answered(client.post(f"{path}/deliver", json={"to": " "}), 422)
+    delivered = await answered(client.post(f"{path}/deliver", json={"to": "A data centre"}))
+    assert (delivered["state"], delivered["delivery"]["note"]) == ("delivered", "A data centre")
+    assert delivered["review"] == reviewed["review"]
+    assert [one["id"] for one in await deployments(client, state="delivered")] == [first["id"]]
+    reopened = await answered(client.post(f"{path}/reopen", json={"reason": "A bad stretch"}))
+    assert (reopened["state"], reopened["review"], reopened["delivery"]) == (
+        "recovered",
+        None,
+        None,
+    )
+    events = (await answered(client.get("/api/events")))["events"]
+    steps = [one["text"] for one in events if one["kind"].startswith("deployment.")]
+    assert [text.rsplit(") ", 1)[-1] for text in steps] == [
+        "ended.",
+        "was reviewed: One spike",
+        "was corrected.",
+        "was delivered: A data centre",
+        "is to be reviewed anew: A bad stretch",
+    ]
+    await answered(client.post(f"{path}/reopen", json={"reason": "Again"}), 409)
+
+
+async def test_a_void_deployment_is_not_reviewed(client):
+    first = await in_water(client)
+    path = f"/api/deployments/{first['id']}"
+    await answered(client.post(f"{path}/void", json={"reason": "On the bench."}))
+    refused = await answered(client.post(f"{path}/review"), 409)
+    assert "is void: On the bench." in refused["detail"]

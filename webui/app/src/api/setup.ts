@@ -81,6 +81,27 @@ export class SetupApi {
         body: { at, name },
       }),
     );
+  reviewDeployment = (deployment: string, note: string) =>
+    told(
+      this.#http.POST('/api/deployments/{deployment}/review', {
+        ...of({ deployment }),
+        body: { note },
+      }),
+    );
+  deliverDeployment = (deployment: string, to: string) =>
+    told(
+      this.#http.POST('/api/deployments/{deployment}/deliver', {
+        ...of({ deployment }),
+        body: { to },
+      }),
+    );
+  reopenDeployment = (deployment: string, reason: string) =>
+    told(
+      this.#http.POST('/api/deployments/{deployment}/reopen', {
+        ...of({ deployment }),
+        body: { reason },
+      }),
+    );
   voidDeployment = (deployment: string, reason: string) =>
     told(
       this.#http.POST('/api/deployments/{deployment}/void', {

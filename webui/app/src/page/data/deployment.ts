@@ -5,12 +5,24 @@ const STATES: Readonly<Record<Deployment['state'], string>> = {
   planned: 'planned',
   in_water: 'in the water',
   recovered: 'recovered',
+  reviewed: 'reviewed',
+  delivered: 'delivered',
 };
 
 /** How far a deployment has come, in words. */
 export function stateWord({ state, kind, void_reason }: Deployment): string {
   if (void_reason) return `void: ${void_reason}`;
-  return kind === 'recorded' ? 'recorded' : STATES[state];
+  return kind === 'recorded' && state === 'recovered' ? 'recorded' : STATES[state];
+}
+
+/** Who looked at the data, and to whom they were handed over; a sentence each. */
+export function signaturesOf({ review, delivery }: Deployment): string[] {
+  const reviewed = review && `Reviewed by ${review.by} at ${dateTime(review.at)}`;
+  const delivered = delivery && `Delivered by ${delivery.by} at ${dateTime(delivery.at)}`;
+  return [
+    reviewed && `${reviewed}${review.note ? `: ${review.note}` : '.'}`,
+    delivered && `${delivered} to ${delivery.note}`,
+  ].filter((one): one is string => Boolean(one));
 }
 
 /** Whether it is over: what it holds changes no more. */

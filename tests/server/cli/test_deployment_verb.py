@@ -1,0 +1,41 @@
+"""``grace deployment``: a life from the water to whoever gets the data, on a data folder."""
+
+import pytest
+
+from tests.server.cli.test_cli import grace
+from tests.server.cli.test_robot_verb import BAY, add
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = tmp_path / "data"
+    assert add(folder, "our-1", *BAY, "--deployment", "First") == 0
+    return folder
+
+
+def step(folder, *words):
+    return grace("deployment", *words, "--data", folder)
+
+
+def test_a_deployment_ends_is_reviewed_delivered_and_reopened(folder, capsys):
+    capsys.readouterr()
+    one = "deployment-1"
+    assert step(folder, "review", one) == 1
+    assert "would have to be recovered" in capsys.readouterr().err
+    for words, state in (
+        (("end", one), "recovered"),
+        (("review", one, "--note", "One spike"), "reviewed"),
+        (("deliver", one, "--to", "A data centre"), "delivered"),
+        (("reopen", one, "--reason", "A bad stretch"), "recovered"),
+    ):
+        assert step(folder, *words) == 0
+        assert capsys.readouterr().out == f"{one} of our-1 is {state}.\n"
+    step(folder, "list", "--robot", "our-1")
+    assert capsys.readouterr().out.split() == [one, "our-1", "recovered", "0", "samples", "First"]
+
+
+def test_a_moment_that_has_not_come_and_an_unknown_id_are_refused(folder, capsys):
+    assert step(folder, "end", "deployment-1", "--at", "2999-01-01T00:00:00") == 2
+    assert "has not come yet" in capsys.readouterr().err
+    assert step(folder, "end", "deployment-9") == 1
+    assert "deployment-9" in capsys.readouterr().err
