@@ -10,6 +10,10 @@ from db.fault import DatabaseUrlError
 
 BUSY_TIMEOUT_MS = 1000
 READERS = 8
+READING = {"sqlite_begin": "BEGIN"}
+"""Options of a connection of the writer's engine that only reads, and takes no write lock."""
+_LOCKED = f"The database stayed locked for {BUSY_TIMEOUT_MS / 1000:g} s."
+"""Nobody tells by whom: SQLite says only that the lock was not free in that time."""
 
 
 def write_engine(url: str) -> Engine:
@@ -109,8 +113,8 @@ def fault_sentence(error: DBAPIError) -> str:
     """Say in one sentence what is wrong with the storage."""
     code = getattr(error.orig, "sqlite_errorcode", None)
     sentences = {
-        5: "The database is locked by another program.",
-        6: "The database is locked by another program.",
+        5: _LOCKED,
+        6: _LOCKED,
         8: "The database cannot be written: it is read-only.",
         10: "The disk reports an error.",
         11: "The database is damaged.",
@@ -127,8 +131,8 @@ def opening_sentence(error: DBAPIError) -> str:
     """Say what is wrong with a database that cannot be opened, and the way out."""
     code = getattr(error.orig, "sqlite_errorcode", None)
     ways = {
-        5: "Close that program, then start again.",
-        6: "Close that program, then start again.",
+        5: _UNLOCK,
+        6: _UNLOCK,
         8: "Give this user the right to write it and its folder, or choose another with --data.",
         11: _MEND,
         13: "Make room, then start again.",
@@ -143,6 +147,7 @@ def opening_sentence(error: DBAPIError) -> str:
     )
 
 
+_UNLOCK = "Close what else uses it, such as another station or a `grace` verb, then start again."
 _MEND = (
     "See what is wrong with `grace db check`; to go back to a backup, move the file away and use "
     "`grace db restore`."
@@ -163,7 +168,8 @@ def _prepare_sqlite(engine: Engine, begin: str, pragmas: tuple[str, ...]) -> Non
             connection.execute(f"PRAGMA {pragma}")
 
     def begun(connection: Connection) -> None:
-        connection.exec_driver_sql(begin)
+        options = connection.get_execution_options()
+        connection.exec_driver_sql(options.get("sqlite_begin", begin))
 
     event.listen(engine, "connect", connected)
     event.listen(engine, "begin", begun)

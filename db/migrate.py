@@ -27,6 +27,7 @@ from db import (
     target_tables,
     water_tables,
 )
+from db.engine import READING
 
 _TABLE_MODULES = (
     tables,
@@ -72,18 +73,21 @@ def schema_version(connection: Connection) -> str | None:
 def migrate(engine: Engine) -> None:
     """Apply every migration that the database lacks, all in one transaction.
 
+    One that lacks none is only read: whoever opens it beside a running station, as each verb of the
+    command line does, must not hold its write lock while Alembic reads the migrations.
+
     Raises:
         NewerSchemaError: If the database is of a version that this station does not know.
     """
-    with engine.begin() as connection:
-        config = configuration(connection)
-        scripts = ScriptDirectory.from_config(config)
+    scripts = ScriptDirectory.from_config(configuration())
+    known = {script.revision for script in scripts.walk_revisions()}
+    with engine.connect().execution_options(**READING) as connection:
         present = schema_version(connection)
-        known = {script.revision for script in scripts.walk_revisions()}
-        if present is not None and present not in known:
-            raise NewerSchemaError(
-                f"The database has schema {present}, which this version does not know; "
-                "start the newer version of the station, or use another data folder."
-            )
-        if present != scripts.get_current_head():
-            command.upgrade(config, "head")
+    if present is not None and present not in known:
+        raise NewerSchemaError(
+            f"The database has schema {present}, which this version does not know; "
+            "start the newer version of the station, or use another data folder."
+        )
+    if present != scripts.get_current_head():
+        with engine.begin() as connection:
+            command.upgrade(configuration(connection), "head")

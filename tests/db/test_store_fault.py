@@ -9,6 +9,7 @@ from db import writer
 from db.fault import BufferFullError, StoreUnavailableError
 from db.query.measured.samples import sampled_variables
 from db.query.station.events import add_event
+from db.store import Store
 from tests.db.conftest import ON_SQLITE, START, sample
 
 pytestmark = ON_SQLITE  # a server's faults are in test_postgresql
@@ -55,11 +56,21 @@ def test_a_locked_database_refuses_changes_and_keeps_rows_for_later(store, url):
             store.change(event).result(60)
         assert not waiting.done()
         assert store.waiting_rows == 2
-        assert store.fault == "The database is locked by another program."
+        assert store.fault == "The database stayed locked for 1 s."
     waiting.result(60)
     assert stored(store) == 2
     assert store.fault is None
-    assert told == ["The database is locked by another program.", None]
+    assert told == ["The database stayed locked for 1 s.", None]
+
+
+def test_opening_a_database_that_lacks_no_migration_takes_no_write_lock(store, url):
+    """As met: a verb beside a busy station held the lock while Alembic read its migrations."""
+    store.change(event).result(60)
+    with locked(url):
+        beside = Store.open(url)
+        with beside.read() as session:
+            assert session.scalar(text("SELECT count(*) FROM event")) >= 1
+        beside.close()
 
 
 def test_a_full_disk_loses_nothing_that_was_acknowledged(store):

@@ -45,7 +45,7 @@ async def test_a_locked_database_raises_one_alarm_and_refuses_changes(tmp_path):
             waiting = asyncio.wrap_future(store.append([sample(0)]))
             refused = await admin.patch("/api/config/planner", json={"seed": 3})
             assert refused.status_code == 503
-            assert refused.json()["detail"].startswith("The database is locked")
+            assert refused.json()["detail"].startswith("The database stayed locked")
             await eventually(open_alarms)
             [alarm] = await open_alarms()
             assert (alarm["level"], alarm["state"]) == ("critical", "unacknowledged")

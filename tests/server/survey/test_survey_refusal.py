@@ -64,7 +64,7 @@ async def test_no_plan_is_accepted_while_storage_fails(client, station, tmp_path
     # The fault is known now, so that the next one is refused before anything is tried.
     again = await client.post("/api/robots/mini-1/plans", json=body)
     assert again.status_code == 503
-    assert again.json()["detail"].startswith("The database is locked by another program.")
+    assert again.json()["detail"].startswith("The database stayed locked for 1 s.")
 
     async def alarm():
         alarms = (await client.get("/api/alarms")).json()["alarms"]
