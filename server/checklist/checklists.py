@@ -68,6 +68,26 @@ class ListStanding:
         return [one for one in open_blocking(self.items) if one.item.key not in overruled]
 
     @property
+    def open_items(self) -> list[ItemStanding]:
+        """Everything that is left to do, what blocks and what does not."""
+        return [one for one in self.items if not one.is_done]
+
+    @property
+    def words(self) -> str:
+        """How it stands, in one sentence."""
+        run, missing = self.run, self.open_now
+        count = "1 blocking item is" if len(missing) == 1 else f"{len(missing)} blocking items are"
+        if run is None:
+            return "It was not begun."
+        if run.state == "open":
+            return f"{count} open." if missing else "Nothing that blocks is open; complete it."
+        who = f"{run.settled_by} {'completed' if run.state == 'complete' else 'overruled'} it"
+        why = f": {run.reason.rstrip('.')}" if run.reason else ""
+        if missing:
+            return f"{who}{why}. Since then {count} open again."
+        return f"{who}{why}."
+
+    @property
     def lets_start(self) -> bool:
         """Whether a plan may be started, as far as this list goes."""
         is_settled = self.run is not None and self.run.state in ("complete", "overruled")
@@ -273,16 +293,6 @@ class Checklists:
             return overrule_run(session, record, items, reason, at, by)
 
         return await self._store.write(write)
-
-    async def open_items(self, robot: str) -> list[str]:
-        """Return what is open in the lists of a robot that were begun, a sentence each.
-
-        For who hands a robot over; blocking items come first.
-        """
-        lists = [one for one in await self.standing(robot) if one.run is not None]
-        left = [(one, item) for one in lists for item in one.items if not item.is_done]
-        left.sort(key=lambda pair: not pair[1].item.blocking)
-        return [f"{one.template.title}: {item.words_if_open}" for one, item in left]
 
     async def _judged(self, run: str) -> Mapping[str, Finding]:
         record = await self._store.query(lambda session: query.get_run(session, run))

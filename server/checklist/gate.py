@@ -1,11 +1,12 @@
 """The gate of a start: a plan waits for the checklists that its robot's settings require.
 
 Every way of starting a plan asks here (``server.transfer.transfers.Transfers``), in the transaction
-that begins it, so that whoever unticks an item at the same moment comes before or after it. An
-order to surface is no start and never comes here.
+that begins it, so that whoever unticks an item at the same moment comes before or after it. So does
+the start of a deployment (``server.deployment.deployments.Deployments``), for the lists of a
+launch. An order to surface is no start and never comes here.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -24,8 +25,9 @@ from server.checklist.checklists import (
     refusal,
 )
 from server.checklist.judging import findings_of, open_blocking, standing_of, why_over
-from server.checklist.template import GATING, ChecklistTemplate, template_of
+from server.checklist.template import GATING, LAUNCHING, ChecklistTemplate, template_of
 from server.checklist.templates import KnownTemplate
+from server.deployment.deployments import Launch
 from server.fleet.fleet import Fleet
 
 
@@ -71,14 +73,17 @@ class StartGate:
         self._fleet = fleet
         self._checklists = checklists
 
-    async def look(self, robot: str, overrule: Overrule | None = None) -> Pass:
+    async def look(
+        self, robot: str, overrule: Overrule | None = None, acts: Collection[str] = GATING
+    ) -> Pass:
         """Look at a robot now; what is returned is to be called in the transaction of the start.
 
         Args:
             robot: Whose plan is started.
             overrule: A person's word that it shall start all the same.
+            acts: Whose lists are asked for.
         """
-        lists = [one for one in self._checklists.applying(robot) if one.template.act in GATING]
+        lists = [one for one in self._checklists.applying(robot) if one.template.act in acts]
         if not lists or await self._checklists.demand(robot) != "required":
             return lambda _: ""
         runs = await self._store.query(lambda session: query.standing_runs(session, robot))
@@ -95,6 +100,22 @@ class StartGate:
             {key: _Judged(one, findings_of(one, situation)) for key, one in documents.items()},
         )
         return lambda session: _pass(session, look, overrule)
+
+    async def look_at_launch(self, robot: str, reason: str, by: str) -> Launch:
+        """Look at a robot that is about to be launched, as a ``LaunchGate``.
+
+        What was gone through in the workshop is of the deployment that begins: it ends with it.
+        """
+        passes = await self.look(robot, Overrule(reason, by) if reason else None, LAUNCHING)
+
+        def launch(session: Session, deployment: str) -> str:
+            said = passes(session)
+            for run in query.standing_runs(session, robot):
+                if run.deployment is None and template_of(run.document).act in GATING:
+                    query.join_deployment(session, run.id, deployment)
+            return said
+
+        return launch
 
 
 def _pass(session: Session, look: _Look, overrule: Overrule | None) -> str:

@@ -9,6 +9,7 @@ from server.checklist.gate import StartGate
 from server.checklist.overview import Overview
 from server.checklist.state import ChecklistChanged
 from server.checklist.templates import Templates, TemplatesChanged
+from server.deployment.deployments import Deployments
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 
@@ -23,7 +24,8 @@ def install(foundation: Foundation) -> None:
     templates = services.add(Templates(foundation))
     checklists = services.add(Checklists(foundation, fleet, services.get(FleetViews), templates))
     services.add(Overview(foundation, checklists))
-    services.add(StartGate(foundation, fleet, checklists))
+    gate = services.add(StartGate(foundation, fleet, checklists))
+    services.get(Deployments).set_gate(gate.look_at_launch)
 
     def mark_all() -> None:
         for status in fleet.statuses:

@@ -14,7 +14,7 @@ from server.base.foundation import Foundation
 from server.checklist.check import CHECKS, Finding
 from server.checklist.checklists import Checklists, ListStanding
 from server.checklist.judging import standing_of
-from server.checklist.template import GATING, template_of
+from server.checklist.template import GATING, LAUNCHING, template_of
 from server.checklist.view import (
     PastChecklistView,
     RobotChecklistsView,
@@ -49,11 +49,14 @@ class Overview:
         demand = await self._checklists.demand(robot)
         yesterday = await self._yesterday(robot, standing)
         gating = [one for one in standing if one.template.act in GATING]
+        launching = [one for one in standing if one.template.act in LAUNCHING]
         return RobotChecklistsView(
             robot,
             demand,
             demand != "required" or all(one.lets_start for one in gating),
             start_text(gating, demand),
+            demand != "required" or all(one.lets_start for one in launching),
+            start_text(launching, demand, "launch"),
             [list_view(one, yesterday) for one in standing],
         )
 

@@ -22,6 +22,8 @@ ACT_WORDS: Final[Mapping[str, str]] = {
 }
 GATING: Final = ("start", "launch")
 """Acts whose lists a start waits for."""
+LAUNCHING: Final = ("launch",)
+"""Acts whose lists the start of a deployment waits for."""
 _VALID_MAX_H: Final = 24.0 * 31.0
 
 Key = Annotated[str, Field(pattern=KEY_PATTERN)]

@@ -104,6 +104,10 @@ class RobotChecklistsView(View):
     """Whether nothing of them keeps a plan from starting now."""
     start_text: str
     """One sentence for whoever is about to send a plan; empty where nothing is to be said."""
+    is_launch_open: bool
+    """Whether nothing of them keeps a deployment from beginning now."""
+    launch_text: str
+    """One sentence for whoever is about to launch the robot; empty where nothing is to be said."""
     lists: list[ChecklistView]
 
 
@@ -199,7 +203,7 @@ def list_view(one: ListStanding, yesterday: dict[str, str]) -> ChecklistView:
         act=template.act,
         act_text=ACT_WORDS[template.act],
         state=one.state,
-        text=_text(one),
+        text=one.words,
         begun_at=None if run is None else run.begun_at,
         begun_by="" if run is None else run.begun_by,
         expires_at=None if run is None else run.expires_at,
@@ -262,22 +266,8 @@ def _limit_text(check: Check | None, limit: float | None) -> str:
     return f"{check.limit.title.lower()} {value:g} {check.limit.unit}"
 
 
-def _text(one: ListStanding) -> str:
-    run, missing = one.run, one.open_now
-    count = "1 blocking item is" if len(missing) == 1 else f"{len(missing)} blocking items are"
-    if run is None:
-        return "It was not begun."
-    if run.state == "open":
-        return f"{count} open." if missing else "Nothing that blocks is open; complete it."
-    who = f"{run.settled_by} {'completed' if run.state == 'complete' else 'overruled'} it"
-    why = f": {run.reason.rstrip('.')}" if run.reason else ""
-    if missing:
-        return f"{who}{why}. Since then {count} open again."
-    return f"{who}{why}."
-
-
-def start_text(lists: list[ListStanding], demand: str) -> str:
-    """Return what is said to who sends a plan, "" where nothing is."""
+def start_text(lists: list[ListStanding], demand: str, deed: str = "start") -> str:
+    """Return what is said to who sends a plan, or launches a robot; "" where nothing is."""
     if demand == "off":
         return ""
     waiting = [one for one in lists if not one.lets_start]
@@ -286,5 +276,5 @@ def start_text(lists: list[ListStanding], demand: str) -> str:
     titles = " and ".join(one.template.title for one in waiting)
     verb = "are" if len(waiting) > 1 else "is"
     if demand == "required":
-        return f"{titles} {verb} not complete; a start is refused until then."
+        return f"{titles} {verb} not complete; a {deed} is refused until then."
     return f"{titles} {verb} not complete."

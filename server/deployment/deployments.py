@@ -1,6 +1,6 @@
 """What operators decide about deployments, each decision written down with its event."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -17,6 +17,13 @@ from server.fleet.roster import Roster
 _AHEAD_MAX = timedelta(minutes=1)
 """A moment this far ahead may be one of a clock that is not quite the station's."""
 
+Launch = Callable[[Session, str], str]
+"""Called with the id of a deployment in the transaction that begins it: raises 409 where it must
+not begin, and returns what is to be said of it, "" if nothing."""
+LaunchGate = Callable[[str, str, str], Awaitable[Launch]]
+"""Looks at a robot that is about to be launched: its id, the reason why it shall be all the same
+("" for none), and by whom."""
+
 
 class Deployments:
     """Changes deployments; the fleet takes up each change before the caller is answered."""
@@ -25,6 +32,11 @@ class Deployments:
         self._clock = foundation.clock
         self._store = foundation.store
         self._roster = roster
+        self._gate: LaunchGate = _open_gate
+
+    def set_gate(self, gate: LaunchGate) -> None:
+        """Let every launch pass a gate; until then all pass."""
+        self._gate = gate
 
     async def add(
         self,
@@ -36,15 +48,19 @@ class Deployments:
         started_at: datetime | None,
         ended_at: datetime | None,
         by: str,
+        overrule: str = "",
     ) -> DeploymentRecord:
         """Plan a deployment; one with a start has begun, one with an end too is over.
 
+        ``overrule`` is why one begins although a checklist is open.
+
         Raises:
-            Problem: 409 for a recording, a retired robot, or a time that another deployment has;
-                422 for times that do not fit.
+            Problem: 409 for a recording, a retired robot, a time that another deployment has, or a
+                launch that a checklist keeps; 422 for times that do not fit.
         """
         self._refuse_future(started_at=started_at, ended_at=ended_at)
         at = self._clock.now()
+        is_launch = started_at is not None and ended_at is None
 
         def write(session: Session) -> DeploymentRecord:
             name = title or first_title(get_robot(session, robot).name, started_at or at)
@@ -59,18 +75,29 @@ class Deployments:
             )
 
         verb = "planned" if started_at is None else "began" if ended_at is None else "noted"
-        return await self._write(write, verb, by)
+        launch = await self._gate(robot, overrule, by) if is_launch else None
+        return await self._write(write, verb, by, launch=launch)
 
-    async def begin(self, deployment: str, at: datetime | None, *, by: str) -> DeploymentRecord:
+    async def begin(
+        self, deployment: str, at: datetime | None, *, by: str, overrule: str = ""
+    ) -> DeploymentRecord:
         """Begin a planned deployment, now or at a moment before.
 
+        ``overrule`` is why it begins although a checklist is open.
+
         Raises:
-            Problem: 409 if it is not planned, or its robot is in the water; 422 for the future.
+            Problem: 409 if it is not planned, its robot is in the water, or a checklist keeps it;
+                422 for the future.
         """
         self._refuse_future(at=at)
         moment = at or self._clock.now()
+        record = await self._store.query(lambda session: get_deployment(session, deployment))
+        launch = await self._gate(record.robot, overrule, by)
         return await self._write(
-            lambda session: change.begin_deployment(session, deployment, moment), "began", by
+            lambda session: change.begin_deployment(session, deployment, moment),
+            "began",
+            by,
+            launch=launch,
         )
 
     async def end(self, deployment: str, at: datetime | None, *, by: str) -> DeploymentRecord:
@@ -168,10 +195,13 @@ class Deployments:
         verb: str,
         by: str,
         why: str = "",
+        launch: Launch | None = None,
     ) -> DeploymentRecord:
         at = self._clock.now()
         try:
-            record = await self._store.write(lambda s: write_step(s, at, decide, verb, by, why))
+            record = await self._store.write(
+                lambda session: write_step(session, at, decide, verb, by, why, launch)
+            )
         except change.DeploymentTimesError as error:
             raise unprocessable(str(error), []) from error
         except (change.DeploymentStateError, change.DeploymentOverlapError) as error:
@@ -197,6 +227,7 @@ def write_step(
     verb: str,
     by: str,
     why: str = "",
+    launch: Launch | None = None,
 ) -> DeploymentRecord:
     """Make one change of a deployment and write its event, in one transaction.
 
@@ -207,13 +238,22 @@ def write_step(
         verb: Last word of the event's kind, a key of ``_DONE``.
         by: Who decided.
         why: What they said.
+        launch: Of a robot that is launched with it: whether it may be.
     """
     record = decide(session)
+    passed = "" if launch is None else launch(session, record.id)
     said = f": {why}" if why else "."
-    text = f"{by}: {record.id} of {record.robot} ({record.title}) {_DONE[verb]}{said}"
+    text = f"{by}: {record.id} of {record.robot} ({record.title}) {_DONE[verb]}{said} {passed}"
+    text = text.rstrip()
     data = {"deployment": record.id}
     add_event(session, at, f"deployment.{verb}", text, robot=record.robot, data=data)
     return record
+
+
+async def _open_gate(robot: str, overrule: str, by: str) -> Launch:
+    """Let a launch pass."""
+    del robot, overrule, by
+    return lambda _session, _deployment: ""
 
 
 _DONE = {

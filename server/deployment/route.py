@@ -29,6 +29,7 @@ DeploymentsDep = Annotated[Deployments, Depends(service(Deployments))]
 SuggestionsDep = Annotated[Suggestions, Depends(service(Suggestions))]
 State = Literal["planned", "in_water", "recovered", "reviewed", "delivered"]
 Purpose = Annotated[str, Field(max_length=500)]
+Overrule = Annotated[str, Field(max_length=500)]
 People = Annotated[list[Name], Field(max_length=50)]
 
 
@@ -44,6 +45,8 @@ class NewDeployment(Body):
     """When the robot came into the water; without it the deployment is planned."""
     ended_at: AwareDatetime | None = None
     """When it came out, of one that is noted afterwards."""
+    overrule: Overrule = ""
+    """Why it begins although a checklist is open, if it shall; it is logged."""
 
 
 class DeploymentChanges(Body):
@@ -61,6 +64,13 @@ class Moment(Body):
 
     at: AwareDatetime | None = None
     """By default now."""
+
+
+class Launch(Moment):
+    """When a robot came into the water."""
+
+    overrule: Overrule = ""
+    """Why it is launched although a checklist is open, if it shall; it is logged."""
 
 
 class Split(Body):
@@ -134,7 +144,8 @@ async def create_deployment(
 ) -> DeploymentView:
     """Plan a deployment, or note one that has begun, or is over.
 
-    409 if the robot has another deployment at this time; the answer names it.
+    409 if the robot has another deployment at this time; the answer names it. 409 too if it begins
+    now and its settings ask for a checklist that is open: each item is named.
     """
     await pilot_of((body.robot,))
     fleet.status(body.robot)
@@ -146,6 +157,7 @@ async def create_deployment(
         started_at=body.started_at,
         ended_at=body.ended_at,
         by=caller.name,
+        overrule=body.overrule.strip(),
     )
     return await _view(store, record)
 
@@ -188,11 +200,17 @@ async def begin_deployment(
     deployment: str,
     deployments: DeploymentsDep,
     store: StoreDep,
-    body: Moment | None = None,
+    body: Launch | None = None,
 ) -> DeploymentView:
-    """Say that the robot is in the water; 409 if it was already."""
-    at = None if body is None else body.at
-    return await _view(store, await deployments.begin(deployment, at, by=caller.name))
+    """Say that the robot is in the water; 409 if it was already.
+
+    409 too if its settings ask for a checklist of a launch that is open: each item is named.
+    """
+    wanted = Launch() if body is None else body
+    record = await deployments.begin(
+        deployment, wanted.at, by=caller.name, overrule=wanted.overrule.strip()
+    )
+    return await _view(store, record)
 
 
 @router.post("/deployments/{deployment}/end")

@@ -1,20 +1,22 @@
-"""What the next watch has to know: open alarms, robots that are overdue, plans, batteries.
+"""What the next watch has to know: alarms, what is overdue, open checklists, plans, batteries.
 
 Everything is as the station knows it at one moment; what it does not know it leaves open.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Annotated, Final
 
 from sqlalchemy.orm import Session
 
 from db.query.mission.plans import PlanRecord, list_plans
 from db.query.mission.scheduled_sends import ScheduledSend, open_scheduled_sends
 from server.base.foundation import Foundation
-from server.base.view import RobotLevel, View
+from server.base.view import RobotLevel, View, one_of
 from server.battery.battery_use import BatteryUse
 from server.battery.lasting import battery_view
+from server.checklist.checklists import Checklists, ListStanding
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 from server.lease.leases import Leases
@@ -72,6 +74,41 @@ class PlanStandView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class OpenItemView(View):
+    """An item of a checklist that is open."""
+
+    key: str
+    text: str
+    """What is the matter, with what the robot told."""
+    is_blocking: bool
+    is_manual: bool
+    """Whether a person ticks it; the robot answers the others."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenChecklistView(View):
+    """A checklist that was begun and of which something is open."""
+
+    id: str
+    robot: str
+    title: str
+    standing: str
+    """How it stands, in words."""
+    items: list[OpenItemView]
+    """Blocking ones first."""
+
+
+@dataclass(frozen=True, slots=True)
+class OverdueView(View):
+    """Something that was to be by now and is not."""
+
+    robot: str
+    kind: Annotated[str, one_of("contact", "recovery", "daily")]
+    """Of a robot that was to be heard, to be recovered, or to be looked at."""
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class StandView(View):
     """Everything that the next watch has to know of robots and plans."""
 
@@ -81,6 +118,10 @@ class StandView(View):
     """On their way or on board."""
     drafts: list[PlanStandView]
     """In work, or waiting at the station."""
+    checklists: list[OpenChecklistView] | None
+    """Begun, and with something open; ``null`` on a page that was signed before pages told of
+    them."""
+    overdue: list[OverdueView]
 
 
 async def standing(foundation: Foundation) -> StandView:
@@ -99,14 +140,14 @@ async def standing(foundation: Foundation) -> StandView:
         )
         for one in foundation.alarms.open
     ]
-    overdue = {
-        one.robot
+    late = {
+        one.robot: one.text
         for one in foundation.alarms.open
-        if one.cause in OVERDUE and one.cleared_at is None
+        if one.cause in OVERDUE and one.cleared_at is None and one.robot is not None
     }
     views, batteries = services.get(FleetViews), services.get(BatteryUse)
     stands = [
-        await _robot(foundation, views, batteries, robot, is_overdue=robot in overdue)
+        await _robot(foundation, views, batteries, robot, is_overdue=robot in late)
         for robot in robots
     ]
 
@@ -118,13 +159,58 @@ async def standing(foundation: Foundation) -> StandView:
         )
 
     plans, drafts, waiting = await foundation.store.query(read)
+    lists = [
+        (robot, one) for robot in robots for one in await services.get(Checklists).standing(robot)
+    ]
     later = {one.plan: f"waits for {text_of(condition_of(one.condition))}" for one in waiting}
     return StandView(
         alarms,
         stands,
         [_plan(one) for one in plans],
         [_plan(one, later.get(one.id, "")) for one in drafts],
+        [_checklist(robot, one.run.id, one) for robot, one in lists if one.run and one.open_items],
+        [*overdue_robots(stands, late, foundation.clock.now()), *_not_looked_at(stands, lists)],
     )
+
+
+def _checklist(robot: str, run: str, one: ListStanding) -> OpenChecklistView:
+    items = sorted(one.open_items, key=lambda item: not item.item.blocking)
+    return OpenChecklistView(
+        id=run,
+        robot=robot,
+        title=one.template.title,
+        standing=one.words,
+        items=[
+            OpenItemView(
+                item.item.key, item.words_if_open, item.item.blocking, item.item.kind == "manual"
+            )
+            for item in items
+        ],
+    )
+
+
+def overdue_robots(
+    stands: Sequence[RobotStandView], late: Mapping[str, str], now: datetime
+) -> Iterator[OverdueView]:
+    """Return robots that were to be heard, or to be recovered, by now."""
+    for one in stands:
+        if one.is_overdue:
+            yield OverdueView(one.robot, "contact", late[one.robot])
+        if one.deployment and one.recover_by is not None and one.recover_by < now:
+            text = f"{one.name} was to be recovered by {one.recover_by:%Y-%m-%d %H:%MZ}."
+            yield OverdueView(one.robot, "recovery", text)
+
+
+def _not_looked_at(
+    stands: Sequence[RobotStandView], lists: Sequence[tuple[str, ListStanding]]
+) -> Iterator[OverdueView]:
+    """Return daily lists of robots in the water that nobody began within their time."""
+    in_water = {one.robot: one.name for one in stands if one.deployment is not None}
+    for robot, one in lists:
+        if one.run is None and one.template.act == "daily" and robot in in_water:
+            hours = f" within the last {one.template.valid_h:g} h" if one.template.valid_h else ""
+            text = f"{one.template.title} of {in_water[robot]}: nobody began it{hours}."
+            yield OverdueView(robot, "daily", text)
 
 
 async def _robot(

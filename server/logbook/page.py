@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha256
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from pydantic import Field
@@ -141,16 +141,40 @@ class PageView(PageBriefView):
 def seen_of(previous: str, entries: list[EntryView], standing: StandView) -> str:
     """Return what names a hand-over: it changes with whatever somebody should look at again.
 
-    Batteries and expected contacts change all the time and are left out.
+    Batteries, expected contacts and what robots answer of checklists change all the time and are
+    left out.
     """
     told = {
         "previous": previous,
         "entries": [(one.id, one.newest.number) for one in entries],
         "alarms": [(one.id, one.level, one.is_normal_again) for one in standing.alarms],
-        "overdue": [one.robot for one in standing.robots if one.is_overdue],
+        "overdue": [(one.robot, one.kind) for one in standing.overdue],
+        "checklists": [
+            (one.id, [item.key for item in one.items if item.is_manual])
+            for one in standing.checklists or ()
+        ],
         "plans": [(one.id, one.standing) for one in (*standing.plans, *standing.drafts)],
     }
     return sha256(msgspec.json.encode(told)).hexdigest()
+
+
+def standing_of(page: ShiftPage) -> dict[str, Any]:
+    """Return what a page tells of how everything stood.
+
+    A page that was signed before pages told of checklists tells of none, and of what was overdue
+    that robots were to be heard.
+    """
+    told = page.document["standing"]
+    late = [
+        {
+            "robot": one["robot"],
+            "kind": "contact",
+            "text": f"{one['name']} was to be heard by then.",
+        }
+        for one in told["robots"]
+        if one["is_overdue"]
+    ]
+    return {"checklists": None, "overdue": late, **told}
 
 
 def page_brief(page: ShiftPage) -> PageBriefView:
@@ -161,6 +185,7 @@ def page_brief(page: ShiftPage) -> PageBriefView:
 def page_view(page: ShiftPage) -> PageView:
     """Return a page as it was signed."""
     document = page.document
+    document["standing"] = standing_of(page)
     document["remarks_html"] = html_of(document["remarks"])
     for entry in document["entries"]:
         entry["html"] = html_of(entry["text"])

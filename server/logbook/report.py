@@ -20,6 +20,7 @@ from db.query.station.events import EventRecord
 from server.logbook.export import items_of
 from server.logbook.figure import Curve, curve_figure, track_figure
 from server.logbook.markdown import html_of
+from server.logbook.page import standing_of
 from server.logbook.picture import Pictures
 
 _POINTS: Final = 1200
@@ -132,26 +133,31 @@ def _page(page: ShiftPage) -> str:
     taken = "nobody took over"
     if page.taken_by is not None and page.taken_at is not None:
         taken = f"taken over by <b>{escape(page.taken_by)}</b>, {_moment(page.taken_at)}"
-    document = page.document
-    alarms = "".join(
-        f"<li>{escape(str(one['level']))}: {escape(str(one['text']))}</li>"
-        for one in document["standing"]["alarms"]
-    )
-    plans = "".join(
-        f"<li>{escape(one['id'])} of {escape(one['robot'])}: {escape(one['standing'])}</li>"
-        for one in document["standing"]["plans"]
-    )
-    late = [one["name"] for one in document["standing"]["robots"] if one["is_overdue"]]
+    document, standing = page.document, standing_of(page)
+    alarms = [f"{one['level']}: {one['text']}" for one in standing["alarms"]]
+    plans = [f"{one['id']} of {one['robot']}: {one['standing']}" for one in standing["plans"]]
+    late = [str(one["text"]) for one in standing["overdue"]]
+    lists = [
+        f"{one['title']} of {one['robot']}: {'; '.join(item['text'] for item in one['items'])}"
+        for one in standing["checklists"] or ()
+    ]
+    open_lists = "" if standing["checklists"] is None else _listed("Open checklists", lists)
     return (
         f"<h2>Signed page {page.id}</h2><p>{_moment(page.began_at)} to {_moment(page.ended_at)}, "
         f"signed by <b>{escape(page.left_by)}</b>, {_moment(page.left_at)}; {taken}.</p>"
         f"<p>Weather: {escape(_weather(document['weather']))}</p>"
         f"{html_of(document['remarks']) if document['remarks'] else ''}"
-        f"{f'<p><b>Overdue:</b> {escape(chr(44).join(late))}</p>' if late else ''}"
-        f"<p>Open alarms: {'' if alarms else 'none'}</p>{f'<ul>{alarms}</ul>' if alarms else ''}"
-        f"<p>Plans: {'' if plans else 'none'}</p>{f'<ul>{plans}</ul>' if plans else ''}"
+        f"{_listed('Overdue', late)}{_listed('Open alarms', alarms)}"
+        f"{open_lists}{_listed('Plans', plans)}"
         f"<p class=hash>SHA-256 {page.sha256}</p>"
     )
+
+
+def _listed(title: str, lines: Sequence[str]) -> str:
+    """Return lines below a title; "none" where there are none."""
+    if not lines:
+        return f"<p>{title}: none</p>"
+    return f"<p>{title}:</p><ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>"
 
 
 def _weather(told: dict[str, Any]) -> str:

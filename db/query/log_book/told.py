@@ -25,7 +25,7 @@ DIVES: Final = (
     "robot.dive_begun",
     "robot.dive_ended",
     "robot.surfaced",
-    "deployment.begun",
+    "deployment.began",
     "deployment.ended",
 )
 ALARMS: Final = (

@@ -189,6 +189,13 @@ def newest_runs(
     return [_record(row, name) for row, name in session.execute(statement)]
 
 
+def join_deployment(session: Session, run: str, deployment: str) -> None:
+    """Let a run that was begun in the workshop be of a deployment."""
+    row, _ = row_and_robot(session, ChecklistRunRow, _KIND, run)
+    row.deployment_key = key_of("deployment", deployment)
+    session.flush()
+
+
 def add_tick(session: Session, run: str, tick: Tick) -> None:
     """Add a tick; those before stay."""
     session.add(

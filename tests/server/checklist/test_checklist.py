@@ -10,7 +10,6 @@ from db.query.station.events import newest_events
 from robot_link.clock import SystemClock
 from server.access.role import Role
 from server.base import wakeups
-from server.checklist.checklists import Checklists
 from server.checklist.delivered import DELIVERED
 from server.checklist.state import TRANSITIONS
 from tests.server.checklist.begun import (
@@ -238,18 +237,6 @@ async def test_who_may_only_look_ticks_nothing(client, station):
         assert (await tick(viewer, run, "hull")).status_code == 403
         assert (await complete(viewer, run)).status_code == 403
         assert (await list_of(viewer))["state"] == "open"
-
-
-async def test_who_hands_a_robot_over_is_told_what_is_open(client, world, station):
-    checklists = station.foundation.services.get(Checklists)
-    assert await checklists.open_items(MINI) == [], "nothing was begun"
-    await ready(client, world)
-    found = await begin(client)
-    for item in ("trim", "surface", "tank"):
-        await tick(client, found["id"], item)
-    told = await checklists.open_items(MINI)
-    assert told[0] == "Pre-dive, tank: The hull is closed, its seals are clean and greased"
-    assert told[-1].endswith("A hook or a line is at hand"), "warnings come last"
 
 
 def test_every_state_of_the_table_leads_somewhere_but_the_last():

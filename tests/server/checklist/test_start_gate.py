@@ -250,3 +250,102 @@ async def test_item_unticked_at_the_moment_of_a_start_comes_before_or_after_it(
         assert started.status_code == 409
         assert "checklist.reopened" in kinds
         assert world.uploads == []
+
+
+async def in_the_workshop(client, robot=GRACE):
+    """End the deployment of a robot of the lake, whose list is asked for at a launch."""
+    await require(client, robot)
+    lake = (await client.get(f"/api/robots/{robot}")).json()["deployment"]["id"]
+    assert (await client.post(f"/api/deployments/{lake}/end")).status_code == 200
+
+
+async def launched(client, **more):
+    now = datetime.now(UTC).isoformat()
+    return await client.post("/api/deployments", json={"robot": GRACE, "started_at": now, **more})
+
+
+async def test_launch_is_refused_with_every_open_item_and_leaves_no_deployment(client):
+    await in_the_workshop(client)
+    before = (await client.get("/api/deployments")).json()
+    answer = await launched(client)
+    assert answer.status_code == 409
+    assert {"hull", "ballast", "recovery"} <= {one["loc"][1] for one in answer.json()["errors"]}
+    assert "overrule it with a reason" in answer.json()["detail"]
+    assert (await client.get("/api/deployments")).json() == before
+    found = await lists_of(client, GRACE)
+    assert (found["is_launch_open"], found["launch_text"]) == (
+        False, "Pre-launch, open water is not complete; a launch is refused until then."
+    )  # fmt: skip
+    planned = (await client.post("/api/deployments", json={"robot": GRACE})).json()["id"]
+    refused = await client.post(f"/api/deployments/{planned}/begin")
+    assert refused.status_code == 409
+    assert (await client.get(f"/api/deployments/{planned}")).json()["state"] == "planned"
+
+
+async def test_overruled_launch_is_logged_with_its_reason_and_lets_its_first_plan_start(
+    client, station
+):
+    await in_the_workshop(client)
+    planned = (await client.post("/api/deployments", json={"robot": GRACE})).json()["id"]
+    body = {"overrule": "The boat waits; a diver looked at the hull."}
+    answer = await client.post(f"/api/deployments/{planned}/begin", json=body)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["state"] == "in_water"
+    events = await station.foundation.store.query(lambda s: newest_events(s, limit=50))
+    told = {one.kind: one for one in events}
+    for kind in ("checklist.overruled", "deployment.began"):
+        assert "a diver looked at the hull" in told[kind].text, kind
+        assert told[kind].by == "test admin"
+    found = await list_of(client, "pre_launch_lake", GRACE)
+    assert (found["state"], found["lets_start"]) == ("overruled", True)
+
+
+async def test_list_of_the_workshop_is_of_the_deployment_it_let_begin_and_ends_with_it(client):
+    await in_the_workshop(client)
+    run = await begin(client, "pre_launch_lake", GRACE)
+    await tick_all(client, run)
+    first = await launched(client, overrule="Its radio is off on the bench.")
+    assert first.status_code == 201, first.text
+    deployment = first.json()["id"]
+    (kept,) = (await client.get(f"/api/robots/{GRACE}/checklists/past")).json()
+    assert (kept["id"], kept["deployment"]) == (run["id"], deployment)
+    assert (await client.post(f"/api/deployments/{deployment}/end")).status_code == 200
+    assert (await launched(client)).status_code == 409, "each launch has a list of its own"
+
+
+async def test_launch_is_not_held_by_settings_that_only_tell_nor_one_that_is_noted_afterwards(
+    client,
+):
+    await in_the_workshop(client)
+    now = datetime.now(UTC)
+    noted = {
+        "robot": GRACE,
+        "started_at": (now - timedelta(days=9)).isoformat(),
+        "ended_at": (now - timedelta(days=8)).isoformat(),
+    }
+    assert (await client.post("/api/deployments", json=noted)).status_code == 201
+    await require(client, GRACE, start="told")
+    assert (await launched(client)).status_code == 201
+
+
+async def test_launch_and_untick_at_the_same_moment_never_leave_an_open_list_launched(
+    client, world
+):
+    """The gate judges in the transaction of the launch: one comes before the other."""
+    await in_the_workshop(client)
+    run = await begin(client, "pre_launch_lake", GRACE)
+    await tick_all(client, run)
+    assert (await client.post(f"/api/checklists/{run['id']}/overrule",
+                              json={"reason": "Bench."})).status_code == 200  # fmt: skip
+    begun, unticked = await asyncio.gather(
+        launched(client), tick(client, run["id"], "hull", ticked=False)
+    )
+    assert unticked.status_code in (200, 201)
+    found = await list_of(client, "pre_launch_lake", GRACE)
+    assert found["open_blocking"] == ["hull"]
+    if begun.status_code == 201:
+        assert (await client.get(f"/api/robots/{GRACE}")).json()["deployment"] is not None
+    else:
+        assert begun.status_code == 409
+        assert [one["loc"] for one in begun.json()["errors"]] == [["checklist", "hull"]]
+        assert (await client.get(f"/api/robots/{GRACE}")).json()["deployment"] is None

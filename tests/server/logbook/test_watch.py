@@ -4,15 +4,20 @@ import asyncio
 import json
 import sqlite3
 from contextlib import closing
-from datetime import datetime, timedelta
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from db.deployment_span import Period
 from db.query.log_book.check import complaints
+from db.query.log_book.pages import get_page
 from db.query.log_book.shifts import begin_shift, end_shift, shifts_in
 from server.access.role import Role
+from server.logbook.handover import RobotStandView, overdue_robots
+from server.logbook.page import page_view
 from server.logbook.span import last_two_shifts, my_shift
+from tests.server.checklist.begun import begin, tick
 from tests.server.cli.test_cli import grace
 from tests.server.conftest import DATABASE, MINI
 from tests.server.logbook.conftest import browser
@@ -261,3 +266,63 @@ async def test_the_hash_of_a_page_is_that_of_what_is_kept(ann, tmp_path):
     with closing(sqlite3.connect(tmp_path / DATABASE)) as database:
         (content,) = database.execute("SELECT content FROM shift_page").fetchone()
     assert json.loads(content)["weather"]["wind_m_s"] == 3.5
+
+
+async def test_a_hand_over_tells_open_checklists_what_is_overdue_and_asks_to_look_again(
+    ann, client
+):
+    before = await seen(ann)
+    assert before["standing"]["checklists"] == []
+    daily = {(one["robot"], one["kind"]) for one in before["standing"]["overdue"]}
+    assert daily == {("mini-1", "daily"), ("grace-1", "daily")}, "nobody looked at either today"
+    run = await begin(client)
+    await begin(client, "daily")
+    for item in ("trim", "surface", "tank"):
+        await tick(client, run["id"], item)
+    told = await seen(ann)
+    (tank,) = [one for one in told["standing"]["checklists"] if one["id"] == run["id"]]
+    assert (tank["robot"], tank["title"]) == (MINI, "Pre-dive, tank")
+    assert [one["key"] for one in tank["items"] if one["is_manual"]] == ["hull", "hook"]
+    blocking = [one["is_blocking"] for one in tank["items"]]
+    assert blocking == sorted(blocking, reverse=True), "what blocks comes first"
+    assert [one["robot"] for one in told["standing"]["overdue"]] == ["grace-1"]
+    await tick(client, run["id"], "hull")
+    again = await ann.post("/api/logbook/pages", json={"seen": told["seen"], "weather": CALM})
+    assert (again.status_code, "look again" in again.json()["detail"]) == (409, True)
+    page = await signed(ann)
+    (kept,) = [one for one in page["content"]["standing"]["checklists"] if one["id"] == run["id"]]
+    assert [one["key"] for one in kept["items"] if one["is_manual"]] == ["hook"]
+    html = (await ann.get("/api/logbook/report")).text
+    assert "Open checklists" in html
+    assert "A hook or a line is at hand" in html
+
+
+async def test_a_page_signed_before_pages_told_of_checklists_is_read_as_it_was(ann, station):
+    page = await signed(ann)
+    kept = await station.foundation.store.query(lambda session: get_page(session, page["id"]))
+    document = kept.document
+    for later in ("checklists", "overdue"):
+        del document["standing"][later]
+    document["standing"]["robots"][0]["is_overdue"] = True
+    told = page_view(replace(kept, content=json.dumps(document))).content.standing
+    assert told.checklists is None
+    assert [(one.robot, one.kind) for one in told.overdue] == [
+        (document["standing"]["robots"][0]["robot"], "contact")
+    ]
+
+
+def test_a_robot_is_overdue_that_was_to_be_heard_or_to_be_recovered_by_now():
+    now = datetime(2026, 11, 28, 4, 31, tzinfo=UTC)
+    quiet = RobotStandView(
+        robot="g1", name="Grace 1", deployment="deployment-1", activity="", in_charge="",
+        is_overdue=False, next_contact="", battery=None, battery_at=None, recover_by=None,
+    )  # fmt: skip
+    spent = replace(quiet, robot="g2", name="Grace 2", recover_by=now - timedelta(hours=2))
+    silent = replace(quiet, robot="g3", is_overdue=True, recover_by=now + timedelta(hours=2))
+    ashore = replace(spent, robot="g4", deployment=None)
+    late = {"g3": "g3 has not called."}
+    found = list(overdue_robots([quiet, spent, silent, ashore], late, now))
+    assert [(one.robot, one.kind, one.text) for one in found] == [
+        ("g2", "recovery", "Grace 2 was to be recovered by 2026-11-28 02:31Z."),
+        ("g3", "contact", "g3 has not called."),
+    ]

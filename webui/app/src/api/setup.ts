@@ -63,11 +63,12 @@ export class SetupApi {
   }
   addDeployment = (body: Schemas['NewDeployment']) =>
     told(this.#http.POST('/api/deployments', { body }));
-  beginDeployment = (deployment: string, at: string | null) =>
+  /** `overrule` is why it begins although a checklist is open; "" for no reason. */
+  beginDeployment = (deployment: string, at: string | null, overrule: string) =>
     told(
       this.#http.POST('/api/deployments/{deployment}/begin', {
         ...of({ deployment }),
-        body: { at },
+        body: { at, overrule },
       }),
     );
   endDeployment = (deployment: string, at: string | null) =>
