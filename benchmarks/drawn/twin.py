@@ -1,10 +1,13 @@
-"""How long a flight of the readable program keeps to a twin of it, flown in the same noise.
+"""How long a flight of the readable program keeps to twins of it, flown in the same noise.
 
-The twin's current is another by less than anybody could measure. Where they part, the flight is
-chaotic, as that of a robot that dives to a place straight below it: what differs grows a
-thousandfold in ten seconds. From there on a comparison with another program tells nothing.
+The twins' currents are others by less than anybody could measure, one in each direction. Where
+one of them parts, the flight is chaotic, as that of a robot that dives to a place straight below
+it: what differs grows a thousandfold in ten seconds. From there on a comparison with another
+program tells nothing. The nudge is of the size of what two programs differ by in any case: a fix
+goes through degrees and back, which rounds it by 1e-8 m.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +18,10 @@ from simulator.ahead.drawn import Drawn
 from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH
 from simulator.fleet import RobotDefinition
 
-NUDGE_M_S = 1e-12
-TOLD_APART_M = 1e-8
+NUDGE_M_S = 1e-7
+TOLD_APART_M = 1e-3
+"""In the twenty minutes of a flight the nudge alone moves a robot by a tenth of this."""
+_DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
 def calm_rows(
@@ -26,7 +31,7 @@ def calm_rows(
     seed: int,
     truth: readable.ReadableFlight,
 ) -> int:
-    """Return how many rows of a flight are as those of its twin; all of them if it is calm.
+    """Return how many rows of a flight are as those of its twins; all of them if it is calm.
 
     Args:
         definition: The robot.
@@ -35,11 +40,25 @@ def calm_rows(
         seed: Of its noise.
         truth: What came of it.
     """
+    twins = _twins(definition, mission, drawn, seed)
+    return min(_rows_alike(truth, twin) for twin in twins)
+
+
+def _twins(
+    definition: RobotDefinition, mission: Mission, drawn: Drawn, seed: int
+) -> Iterator[readable.ReadableFlight]:
     north, east = drawn.current_ne_m_s
-    nudged = replace(drawn, current_ne_m_s=(north + NUDGE_M_S, east))
-    twin = readable.fly_readable(definition, mission, nudged, seed)
-    if twin is None:
-        raise ValueError("it was cancelled")
+    for to_north, to_east in _DIRECTIONS:
+        nudged = (north + to_north * NUDGE_M_S, east + to_east * NUDGE_M_S)
+        twin = readable.fly_readable(
+            definition, mission, replace(drawn, current_ne_m_s=nudged), seed
+        )
+        if twin is None:
+            raise ValueError("it was cancelled")
+        yield twin
+
+
+def _rows_alike(truth: readable.ReadableFlight, twin: readable.ReadableFlight) -> int:
     both = min(len(truth.rows), len(twin.rows))
     apart_m = np.abs(truth.rows[:both] - twin.rows[:both])[:, ROW_NORTH : ROW_BELIEVED_NORTH + 3]
     is_apart = (apart_m > TOLD_APART_M).any(axis=1)

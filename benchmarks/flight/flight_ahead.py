@@ -7,8 +7,8 @@ mission in five the current is told wrong, by as much again as it is unknown, an
 told that such things happen by the doubled spread of the current.
 
 Some flights are chaotic: the readable program parts from itself once the current is
-another by far less than anybody knows. Each is flown with such a twin, and the kernel is judged
-for as long as the readable program keeps to it (``benchmarks.drawn.twin``).
+another by far less than anybody knows. Each is flown with such twins, and the kernel is judged
+for as long as the readable program keeps to them (``benchmarks.drawn.twin``).
 """
 
 import os
@@ -54,7 +54,7 @@ class Compared:
     has_same_modes: bool
     worst: float
     judged: float
-    """Part of the flight for which the readable program keeps to its twin."""
+    """Part of the flight for which the readable program keeps to its twins."""
 
 
 def measure() -> list[dict[str, Any]]:
