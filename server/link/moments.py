@@ -11,6 +11,7 @@ calls is told by the leg that it flies.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from types import MappingProxyType
 from typing import Any, Final
 
 from sqlalchemy.orm import Session
@@ -36,6 +37,15 @@ _AT_THE_SURFACE: Final = (
 )
 _SILENCE: Final = timedelta(seconds=10)
 """Of a radio, by the robots' clock, after which to be heard again is a contact."""
+_CAUSES: Final[Mapping[LinkState, str]] = MappingProxyType(
+    {
+        LinkState.SUBMERGED: "it was under water",
+        LinkState.DISABLED: "its link was unplugged",
+        LinkState.PORT_CLOSED: "the station's radio could not be opened",
+        LinkState.MUTE: "the station's radio did not answer",
+    }
+)
+"""Why a radio did not hear a robot, as far as its last state tells."""
 _ONE_CALL: Final = timedelta(minutes=5)
 """Sessions by satellite that follow each other within this are one contact."""
 
@@ -54,6 +64,8 @@ class Told:
     """Whether a radio hears it."""
     silent_since: datetime | None = None
     """Since when none does, after a restart the newest word of before; ``None`` before any."""
+    silence: LinkState | None = None
+    """State of its radio while none hears it."""
     called_at: datetime | None = None
     """Newest session by satellite, after a restart the newest word of before."""
 
@@ -117,6 +129,8 @@ class Moments:
             return
         status, told, now = self._fleet.status(robot), self._of(robot), self._clock.now()
         is_live = status.radio_state is LinkState.LIVE
+        if not is_live:
+            told = self._told[robot] = replace(told, silence=status.radio_state)
         if is_live != told.is_live:
             since = told.silent_since
             self._told[robot] = replace(
@@ -124,7 +138,7 @@ class Moments:
             )
             if is_live and (since is None or now - since >= _SILENCE):
                 carrier = "" if status.radio is None else status.radio.carrier
-                self._contact(robot, carrier, now, now)
+                self._contact(robot, carrier, now, now, told)
             return
         link = status.satellite_link
         called_at = None if link is None else link.heard_at
@@ -166,14 +180,31 @@ class Moments:
         at = self._clock.now()
         self._queue.add(lambda: self._write(robot, told, data, at))
 
-    def _contact(self, robot: str, carrier: str, said_at: datetime, now: datetime) -> None:
-        data = {
+    def _contact(
+        self,
+        robot: str,
+        carrier: str,
+        said_at: datetime,
+        now: datetime,
+        lost: Told | None = None,
+    ) -> None:
+        """Write that a robot is heard again; of a radio also how long it was not, and why."""
+        data: dict[str, object] = {
             "measured_at": said_at.isoformat(),
             "received_at": now.isoformat(),
             "carrier": carrier,
         }
-        text = f"{robot} is heard again by {carrier_title(carrier)}."
-        self._queue.add(lambda: self._write(robot, [(CONTACT, text)], data, now))
+        text = f"{robot} is heard again by {carrier_title(carrier)}"
+        if lost is not None and lost.silent_since is not None:
+            silent_s = round((now - lost.silent_since).total_seconds())
+            cause = None if lost.silence is None else _CAUSES.get(lost.silence)
+            data |= {
+                "silent_since": lost.silent_since.isoformat(),
+                "silent_s": silent_s,
+                "cause": cause,
+            }
+            text += f" after {_lasted(silent_s)}; {cause or 'why it was not is not known'}"
+        self._queue.add(lambda: self._write(robot, [(CONTACT, f"{text}.")], data, now))
 
     async def _write(
         self, robot: str, told: list[tuple[str, str]], data: Mapping[str, Any], at: datetime
@@ -195,6 +226,15 @@ def is_down(report: StateReport) -> bool | None:
     if report.mode in UNDER_WATER or is_deep:
         return True
     return False if report.mode in _AT_THE_SURFACE else None
+
+
+def _lasted(seconds: int) -> str:
+    """Return a duration for a sentence."""
+    minutes, rest = divmod(seconds, 60)
+    if minutes < 1:
+        return f"{rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
 
 
 def _flown(report: PlanReport) -> tuple[str | None, int]:

@@ -161,6 +161,32 @@ async def test_robot_that_is_heard_again_is_in_contact(client, station, world, m
     assert await contacts() == ["xbee", "xbee"]
 
 
+@pytest.mark.parametrize(
+    ("lost", "cause"),
+    [
+        (LinkState.STALE, None),
+        (LinkState.SUBMERGED, "it was under water"),
+        (LinkState.DISABLED, "its link was unplugged"),
+        (LinkState.PORT_CLOSED, "the station's radio could not be opened"),
+        (LinkState.MUTE, "the station's radio did not answer"),
+    ],
+)
+async def test_contact_says_how_long_it_was_lost_and_why(client, world, monkeypatch, lost, cause):
+    monkeypatch.setattr("server.link.moments._SILENCE", timedelta(0))
+
+    async def told():
+        found = await client.get("/api/events", params={"robot": GRACE, "kind": CONTACT})
+        return [one for one in found.json()["events"] if one["data"].get("silent_since")] or None
+
+    for link in (LinkState.LIVE, lost, LinkState.LIVE):
+        world.hear(GRACE, link)
+    [contact] = await until(told)
+    assert contact["data"]["cause"] == cause
+    silent_s = contact["data"]["silent_s"]
+    why = cause or "why it was not is not known"
+    assert contact["text"] == f"{GRACE} is heard again by XBee after {silent_s} s; {why}."
+
+
 async def test_surfacing_that_a_killed_station_had_not_told_is_told_by_the_next(tmp_path, world):
     at = start()
     async with open_station(tmp_path, world) as station:
