@@ -16,7 +16,7 @@ export function scrollRegion(label: string): Attachment<HTMLElement> {
       for (const [name, value] of [
         ['tabindex', '0'],
         ['role', 'region'],
-        ['aria-label', isWider ? `${label}, goes on sideways` : label],
+        ['aria-label', `${label}, goes on ${isWider ? 'sideways' : 'below'}`],
       ] as const) {
         if (isWider || isLonger) element.setAttribute(name, value);
         else element.removeAttribute(name);
