@@ -1,11 +1,13 @@
 """Two operators at two browsers, who want the same robot (journey J8 of the watch)."""
 
 import re
-from contextlib import contextmanager
+import time
 
 import pytest
 from playwright.sync_api import expect
 
+from tests.browser.crew import act, charge, name_of, second_pilot
+from tests.browser.figure import Journey
 from tests.browser.person import Person
 from tests.browser.walk import CHROMIUM, hold, open_page
 
@@ -15,100 +17,103 @@ pytestmark = [
     pytest.mark.timeout(900),
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
-PASSWORD = "a long pass phrase"
-DIVE = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, d]} for d in (0.5, 0.0)]}
+SEND = re.compile("^Send plan [0-9]+ to mini-1 …")
 
 
-@contextmanager
-def second_pilot(browser, demo, first):
-    """Another person, in a browser of their own."""
-    csrf = first.evaluate("fetch('/api/session').then(a => a.json()).then(a => a.csrf_token)")
-    person = {"name": "ben", "role": "pilot", "password": PASSWORD}
-    made = first.request.post(f"{demo.url}/api/people", data=person, headers={"X-CSRF-Token": csrf})
-    assert made.status == 201, made.text()
-    context = browser.new_context(viewport={"width": 1440, "height": 900})
-    context.set_default_timeout(120_000)
-    page = context.new_page()
-    page.goto(demo.url)
-    page.get_by_label("Name").fill("ben")
-    page.get_by_label("Password").fill(PASSWORD)
-    page.get_by_role("button", name="Sign in").click()
-    expect(page.get_by_role("status").get_by_text("Live", exact=True)).to_be_visible()
-    yield page
-    context.close()
+def seconds(begun_s):
+    return f"{time.monotonic() - begun_s:.1f} s"
 
 
-def charge(page, text):
-    """What the header says of who is in charge."""
-    return page.get_by_role("button", name=re.compile(f"^mini-1: {text}"))
+def kept(page):
+    keeping = page.get_by_role("status", name="Keeping of the design")
+    expect(keeping).to_have_text(re.compile("Kept .*Z"))
 
 
-def act(page, button):
-    page.get_by_role("region", name="Pilot in charge of mini-1").get_by_role(
-        "button", name=button
-    ).click()
+def edit_one_design(ann, ben, demo, me, person):
+    """Both draw the same mission; the one who comes second is shown what the first has done."""
+    open_page(ann, demo, "/design/mini-1")
+    ann.get_by_role("button", name=re.compile("^Lawnmower")).click()
+    kept(ann)
+    ben.goto(ann.url)
+    kept(ben)
+    deaf = re.compile("/api/designs/")
+    ben.route(deaf, lambda route: route.abort())  # the moment in which he has not heard of it
+    first, second = ann.get_by_label("Spacing, m"), ben.get_by_label("Heading, °")
+    first.fill("0.4")
+    first.press("Enter")
+    kept(ann)
+    second.fill("30")
+    second.press("Enter")
+    keeping = ben.get_by_role("status", name="Keeping of the design")
+    expect(keeping).to_contain_text("Not kept")
+    ben.unroute(deaf)
+    conflict = ben.get_by_role("region", name="Changed by somebody else")
+    expect(conflict).to_contain_text(f"{me} changed this design at")
+    expect(conflict).to_contain_text("Spacing changed")
+    expect(conflict.get_by_role("table").first).to_be_visible()
+    expect(ann.get_by_label("Heading, °")).to_have_value("0")
+    expect(ann.get_by_label("Spacing, m")).to_have_value("0.4")
+    person.shoot(ben, "charge-conflict")
+    told = conflict.get_by_role("alert").inner_text()
+    conflict.get_by_role("button", name="Put mine on top").click()
+    kept(ben)
+    versions = ben.get_by_role("region", name="Versions")
+    expect(versions).to_contain_text(f"{me}: Spacing changed")
+    expect(ann.get_by_label("Heading, °")).to_have_value("30")
+    return f"“{told.split('.')[0]}”, with a table of both; {me}'s stays as a version"
 
 
 def test_two_pilots_want_one_robot(browser, calm, screen):
     demo, ann, person = calm, screen, Person()
-    me = ann.evaluate("fetch('/api/session').then(a => a.json()).then(a => a.name)")
+    me, journey = name_of(ann), Journey("J8")
     with second_pilot(browser, demo, ann) as ben:
         # 1. Both see who is pilot in charge.
         open_page(ann, demo, "/plan/mini-1")
         open_page(ben, demo, "/plan/mini-1")
         expect(charge(ben, "Nobody is in charge")).to_be_visible()
         charge(ann, "Nobody").click()
+        at = time.monotonic()
         act(ann, "Take charge of mini-1")
         expect(charge(ann, "You are in charge")).to_be_visible()
         expect(charge(ben, f"{me} is in charge")).to_be_visible()
+        journey.tell("1", "both see who is pilot in charge", f"both after {seconds(at)}")
 
         # 2. The second may look and draft; to send is refused with the reason.
         note = ben.get_by_text(f"{me} is in charge of mini-1; request it from them first.")
         expect(note.first).to_be_visible()
-        drafted = ben.evaluate(
-            """async body => {
-                const { csrf_token } = await (await fetch('/api/session')).json();
-                const headers = { 'X-CSRF-Token': csrf_token, 'Content-Type': 'application/json' };
-                const send = (path, body) => fetch(path, { method: 'POST', headers, body });
-                const plan = await send('/api/robots/mini-1/plans', JSON.stringify(body));
-                const { id } = await plan.json();
-                const sent = await send(`/api/plans/${id}/upload`, '{}');
-                return [plan.status, sent.status, (await sent.json()).detail];
-            }""",
-            DIVE,
-        )
-        assert drafted[:2] == [202, 409]
-        assert f"{me} is in charge of mini-1" in drafted[2]
+        ben.get_by_role("button", name="Plan a survey for mini-1").click()
+        send = ben.get_by_role("button", name=SEND)
+        expect(send).to_be_disabled()
+        state = ben.get_by_role("list", name="State of the plan")
+        expect(state).to_contain_text(re.compile(r"Draft\s*\d\d:\d\d:\d\dZ"))
+        expect(send).to_be_disabled()
+        why = send.get_attribute("title")
+        assert why is not None
+        assert f"{me} is in charge of mini-1" in why
+        journey.tell("2", "drafts; Send is disabled with the reason", f"drafted; “{why}”")
         person.shoot(ben, "charge-of-another")
 
         # 3. A request is seen at once, refused, and asked again and granted.
+        at = time.monotonic()
         ben.get_by_role("button", name="Request mini-1").click()
         asked = ann.get_by_role("alert").filter(has_text="ben requests mini-1")
         expect(asked).to_be_visible()
+        seen = seconds(at)
         person.shoot(ann, "charge-asked")
         asked.get_by_role("button", name="Refuse").click()
         expect(asked).to_have_count(0)
         ben.get_by_role("button", name="Request mini-1").click()
+        at = time.monotonic()
         asked.get_by_role("button", name="Grant").click()
         expect(charge(ben, "You are in charge")).to_be_visible()
         expect(charge(ann, "ben is in charge")).to_be_visible()
+        told = f"seen after {seen}, refused, asked again, both see the grant after {seconds(at)}"
+        journey.tell("3", "a request is granted or refused", told)
+        expect(send).to_be_enabled()
 
-        # 4. A second save of the same settings is told who changed them; nothing is overwritten.
-        saved = ben.evaluate(
-            """async () => {
-                const { csrf_token } = await (await fetch('/api/session')).json();
-                const path = '/api/config/automation?robot=mini-1';
-                const etag = (await fetch(path)).headers.get('ETag');
-                const headers = { 'X-CSRF-Token': csrf_token, 'If-Match': etag,
-                                  'Content-Type': 'application/json' };
-                const save = n => fetch(path, { method: 'PATCH', headers,
-                                  body: JSON.stringify({ most_sends_per_hour: n }) });
-                const first = await save(3), second = await save(5);
-                return [first.status, second.status, (await second.json()).detail];
-            }"""
-        )
-        assert saved[:2] == [200, 412]
-        assert re.match(r"ben changed it at \d\d:\d\dZ", saved[2])
+        # 4. Of two who draw one mission the second sees what the first did; nothing is overwritten.
+        told = edit_one_design(ann, ben, demo, me, person)
+        journey.tell("4", "the second save is told who changed it, and sees the difference", told)
 
         # 5. Who is not in charge may surface it at once, and that leaves the lease alone.
         charge(ben, "You are in charge").click()
@@ -117,7 +122,9 @@ def test_two_pilots_want_one_robot(browser, calm, screen):
             expect(page.get_by_text("Automation is held")).to_be_visible()
         person.shoot(ann, "charge-held")
         hold(ann, re.compile("Surface mini-1 now"))
+        at = time.monotonic()
         expect(ann.get_by_role("status").filter(has_text=re.compile("urfac")).first).to_be_visible()
+        journey.tell("5", "anyone with pilot right may abort, at once", f"shown in {seconds(at)}")
         ann.get_by_role("button", name="Let it go on").click()
         for page in (ann, ben):
             expect(page.get_by_text("Automation is held")).to_have_count(0)
@@ -143,3 +150,4 @@ def test_two_pilots_want_one_robot(browser, calm, screen):
             ("command.surface", me),
             ("automation.resumed", me),
         ]
+        journey.tell("6", "all in audit, in order", f"{len(story)} entries, in this order")
