@@ -55,6 +55,7 @@ def test_an_empty_station_hears_a_new_robot_that_was_added_in_the_browser(browse
     process, url = serve(tmp_path)
     person = Person()
     page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
+    page.context.set_default_timeout(120_000)
     try:
         code = process.stdout.readline().split()[-1]
         page.goto(url)

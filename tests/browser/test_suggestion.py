@@ -125,5 +125,6 @@ def test_strip_counts_down_to_the_dive(tank: Demo, window: Page):
 
     found = tank.wait("a surfacing between two dives", counted, 600.0)
     assert found["closes"]["source"]
-    expect(strip).to_contain_text(re.compile("dives (in|any moment)"), timeout=15_000)
+    # of this surfacing or the next: a page on a busy machine may see this one too late
+    expect(strip).to_contain_text(re.compile("dives (in|any moment)"), timeout=300_000)
     shoot(window, "contact-clock")
