@@ -12,13 +12,15 @@ from starlette.exceptions import HTTPException
 CONTENT_SECURITY_POLICY: Final = "; ".join(
     (
         "default-src 'self'",
+        "img-src 'self' data:",
         "object-src 'none'",
         "base-uri 'none'",
         "form-action 'self'",
         "frame-ancestors 'none'",
     )
 )
-"""The app loads nothing from elsewhere, and no other page may frame it."""
+"""The app loads nothing from elsewhere, and no other page may frame it. It draws the icon of its
+tab, which a browser takes as a ``data:`` picture alone."""
 STATION_ROOTS: Final = frozenset({"api", "view", "docs", "redoc", "openapi.json", "sign-in", "ack"})
 """First parts of addresses that are the station's; the app has no page there."""
 MANUAL_ROOT: Final = "help"

@@ -1,12 +1,13 @@
 """What a page weighs and how it is laid out, measured in a real browser at three sizes."""
 
+import base64
 import re
 from itertools import pairwise
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, hold, open_page, press
+from tests.browser.walk import CHROMIUM, SHOTS, hold, open_page, press
 
 pytestmark = [
     pytest.mark.browser,
@@ -127,6 +128,38 @@ def test_a_phone_in_alarm_keeps_three_quarters_for_its_page(alarmed, calm):
     expect(alarmed.get_by_text("SIMULATION")).to_be_in_viewport(ratio=1)
     room = alarmed.get_by_role("main").evaluate("each => each.clientHeight / innerHeight")
     assert room >= 0.73
+
+
+COLOURS = """async (address) => {
+  const image = new Image();
+  image.src = address;
+  await image.decode();
+  const canvas = document.createElement('canvas');
+  [canvas.width, canvas.height] = [image.width, image.height];
+  const context = canvas.getContext('2d');
+  context.drawImage(image, 0, 0);
+  const at = (x, y) => Array.from(context.getImageData(x, y, 1, 1).data);
+  return { size: [image.width, image.height], badge: at(30, 20), mark: at(4, 40) };
+}"""
+"""Colours of the tab's icon: at the left end of its badge, and of the mark under it."""
+
+
+def test_icons_count_alarms_in_the_colour_of_the_gravest(alarmed, calm):
+    alarmed.add_init_script(
+        "window.told = []; navigator.setAppBadge = async (...each) => { told.push(each); };"
+        "navigator.clearAppBadge = async () => { told.push('none'); };"
+    )
+    open_page(alarmed, calm, "/")
+    icon = alarmed.locator('link[rel="icon"]')
+    expect(icon).to_have_attribute("href", re.compile("^data:image/png"))
+    alarmed.wait_for_function("told.length > 0 && String(told.at(-1)) === '2'")
+    expect(alarmed).to_have_title(re.compile("Fleet"))
+    drawn = alarmed.evaluate(COLOURS, icon.get_attribute("href"))
+    red, green, blue, opaque = drawn["badge"]
+    assert (drawn["size"], opaque) == ([64, 64], 255)
+    assert red > 2 * max(green, blue)
+    assert drawn["mark"][3] == 255
+    (SHOTS / "icon.png").write_bytes(base64.b64decode(icon.get_attribute("href").split(",")[1]))
 
 
 def test_the_first_click_on_a_page_in_alarm_does_what_it_says(alarmed, calm):

@@ -189,7 +189,8 @@ def test_a_leak_wakes_the_next_person_and_is_acknowledged_by_its_link(
         # 1. Sound, page and webhook; 2. what the message says.
         first = night.wait("the first is told", lambda: hook.told(me, "Leak"), 60.0)
         expect(page).to_have_title(re.compile(r"^\(\d+\) "))
-        assert "mark-alarm" in str(page.locator('link[rel="icon"]').get_attribute("href"))
+        icon = page.locator('link[rel="icon"]')
+        expect(icon).to_have_attribute("href", re.compile("^data:image/png"))
         leak = alarm_of(night, "Leak")
         heard = next(one for one in told_live(page) if one["value"] > 0.5)
         heard_s = wall_s(night.data, heard["received_at"])

@@ -7,6 +7,7 @@ import { defineConfig } from 'vitest/config';
 
 const DIST = '../dist';
 const TEXT = /\.(css|html|js|json|svg)$/;
+const WORKER = 'service-worker';
 /** What is smaller travels in one packet anyway. */
 const LEAST_BYTES = 1000;
 
@@ -36,7 +37,18 @@ export default defineConfig({
     emptyOutDir: true,
     assetsInlineLimit: 0, // the content security policy allows no data: address
     target: 'es2022',
-    rolldownOptions: { input: ['index.html', 'help.html'] },
+    rolldownOptions: {
+      input: {
+        index: 'index.html',
+        help: 'help.html',
+        offline: 'offline.html',
+        [WORKER]: 'src/offline/service_worker.ts',
+      },
+      output: {
+        // A service worker has one address for ever, and rules only what lies below it.
+        entryFileNames: ({ name }) => (name === WORKER ? '[name].js' : 'assets/[name]-[hash].js'),
+      },
+    },
     chunkSizeWarningLimit: 400,
   },
   server: {

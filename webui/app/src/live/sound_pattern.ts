@@ -70,9 +70,3 @@ export function keyOf({ id, raised_at, level }: Unseen): string {
 export function tabTitle(title: string, unseen: number): string {
   return `${unseen > 0 ? `(${unseen}) ` : ''}${title} · Grace Ground Station`;
 }
-
-/** Icon of the browser's tab, one of the files of the app: its policy takes no drawn ones. */
-export function tabIcon(kind: SoundKind | null): string {
-  if (kind === null) return '/mark.svg';
-  return kind === 'critical' || kind === 'severe' ? '/mark-alarm.svg' : '/mark-watch.svg';
-}

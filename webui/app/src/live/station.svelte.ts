@@ -20,6 +20,7 @@ import type {
 import { StationClock } from './clock';
 import { takenFromAddress } from './address_word';
 import { Fetched } from './fetched.svelte';
+import { LastContact } from './last_contact';
 import { Leases } from './lease.svelte';
 import { LiveSocket } from './socket';
 
@@ -92,6 +93,7 @@ export class Station {
   // eslint-disable-next-line svelte/prefer-svelte-reactivity -- nothing on the screen shows it
   readonly #readers = new Set<BatchReader>();
 
+  readonly #contact = new LastContact();
   readonly #socket: LiveSocket;
   #clockwork: ReturnType<typeof setInterval> | undefined;
   #unfollow: (() => void) | undefined;
@@ -273,6 +275,7 @@ export class Station {
     this.#isFirst = false;
     this.localNow = at;
     this.#lastTickAt = at;
+    this.#contact.note();
     this.clock.set(Date.parse(tick.at), at);
     for (const [id, report] of Object.entries(tick.robots)) this.#takeRobot(id, report, at);
     this.plans = merged(this.plans, tick.plans);
