@@ -19,6 +19,7 @@ from db import (
     notice_tables,
     onboard_tables,
     person_tables,
+    quality_tables,
     sample_tables,
     schedule_tables,
     study_tables,
@@ -31,6 +32,7 @@ from db.engine import READING
 
 _TABLE_MODULES = (
     tables,
+    quality_tables,
     sample_tables,
     study_tables,
     map_tables,

@@ -15,6 +15,7 @@ from server.battery import install as battery
 from server.checklist import install as checklist
 from server.command import install as command
 from server.current import install as current
+from server.delivery import install as delivery
 from server.demo import install as demo
 from server.deployment import install as deployment
 from server.design import install as design
@@ -74,6 +75,7 @@ CAPABILITIES = (
     notice,
     scene,
     recording,
+    delivery,
     logbook,
 )
 """Each stands on those before it alone."""

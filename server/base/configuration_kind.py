@@ -14,6 +14,7 @@ from autonomy.field.preset import field_preset
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import planner_preset
+from autonomy.quality.rules import GRACE_QARTOD
 from autonomy.tag.config import TagConfig
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
@@ -169,6 +170,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("automation", "Automatic sends", AutomationConfig()),
             _same_for_all("checklist", "Checklists", ChecklistConfig()),
+            _same_for_all("quality", "Quality control", GRACE_QARTOD),
             _same_for_all("lease", "Pilot in charge", LeaseConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
@@ -179,7 +181,10 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
 
 
 FOREIGN_KINDS = frozenset(
-    ("standard_commands", "field", "current_map", "battery", "link", "checklist", "lease")
+    (
+        *("standard_commands", "field", "current_map", "battery", "link", "checklist", "lease"),
+        "quality",
+    )
 )
 """What can be set of a vehicle of another maker, which takes no plans of ours."""
 

@@ -1,8 +1,9 @@
 """Where verbs work: a data folder with its database and clock, or a running station by REST."""
 
 import os
+import time
 from argparse import Namespace
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -20,6 +21,8 @@ from server.base.settings import Settings
 from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
 from server.cli.failure import CommandError
 from server.cli.option import TOKEN_VARIABLE
+
+POLL_PERIOD_S = 0.2
 
 
 def settings_of(arguments: Namespace, **more: Any) -> Settings:  # noqa: ANN401 - fields of the settings
@@ -96,3 +99,20 @@ def checked(answer: httpx.Response) -> httpx.Response:
     except (ValueError, KeyError):
         sentence = f"The station answered {answer.status_code}."
     raise CommandError(sentence)
+
+
+def result_of(client: httpx.Client, answer: httpx.Response) -> Mapping[str, Any]:
+    """Wait for the job that an answer tells of, and return its result.
+
+    Raises:
+        CommandError: If it has none; the sentence is the job's own.
+    """
+    job = checked(answer).json()
+    while True:
+        told = checked(client.get(f"/api/jobs/{job['id']}")).json()
+        if told["state"] not in {"queued", "running"}:
+            break
+        time.sleep(POLL_PERIOD_S)
+    if told["state"] != "done":
+        raise CommandError(told["message"])
+    return told["result"]

@@ -2,7 +2,6 @@
 
 import secrets
 import sys
-import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from db.fault import UnknownIdError
 from db.query.fleet.waters import WaterExistsError, add_water, get_water, list_waters, robots_of
 from db.query.station.events import add_event
 from server.base.settings import Settings
-from server.cli.data import checked, clock_of, open_remote, open_store, settings_of
+from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option, add_remote_options
 from server.current import ocean_task
@@ -30,7 +29,6 @@ from server.water.proposal import FOLDER as PROPOSAL_FOLDER
 from server.water.reading_task import FORMATS, ReadingOrder
 from server.water.waters import CHART_FOLDER, blank_site, free_water_id
 
-POLL_PERIOD_S = 0.2
 _WORDS = {
     "name": "name",
     "kind": "kind",
@@ -170,20 +168,7 @@ def _read_there(file: Path, arguments: Namespace, client: httpx.Client) -> Mappi
     form = {"format": arguments.format, "crs": arguments.crs}
     with file.open("rb") as content:
         answer = client.post("/api/waters/imports", data=form, files={"file": (file.name, content)})
-    return _result(client, answer)
-
-
-def _result(client: httpx.Client, answer: httpx.Response) -> Mapping[str, Any]:
-    """Wait for the job that an answer tells of, and return its result."""
-    job = checked(answer).json()
-    while True:
-        told = checked(client.get(f"/api/jobs/{job['id']}")).json()
-        if told["state"] not in {"queued", "running"}:
-            break
-        time.sleep(POLL_PERIOD_S)
-    if told["state"] != "done":
-        raise CommandError(told["message"])
-    return told["result"]
+    return result_of(client, answer)
 
 
 def _unrefused(found: Mapping[str, Any], file: Path | None) -> Mapping[str, Any]:
@@ -265,7 +250,7 @@ def _told_by_station(arguments: Namespace, words: dict[str, Any], *, is_change: 
                 with arguments.file.open("rb") as content:
                     upload = {"file": (arguments.file.name, content)}
                     answer = client.post(f"{address}/imports", files=upload)
-                found = _result(client, answer)
+                found = result_of(client, answer)
                 _confirm_current(found, is_sure=arguments.yes)
                 words["proposal"] = found["proposal"]
             checked(client.put(address, json=words))

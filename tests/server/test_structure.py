@@ -14,7 +14,7 @@ ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
     "link", "satellite", "lease", "command", "drive", "current", "map", "tag", "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
-    "prediction", "alarm", "notice", "scene", "recording", "logbook", "cli",
+    "prediction", "alarm", "notice", "scene", "recording", "delivery", "logbook", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 175

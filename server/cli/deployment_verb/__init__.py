@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -10,12 +10,13 @@ from sqlalchemy.orm import Session
 from db.query.fleet import deployment_change as change
 from db.query.fleet.deployments import DeploymentRecord
 from server.cli.data import checked, clock_of, open_remote, open_store, settings_of
+from server.cli.deployment_verb import quality
+from server.cli.deployment_verb.word import BY, utc_moment
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option, add_remote_options
 from server.deployment.deployments import write_step
 from server.deployment.view import DeploymentView, deployment_view, list_views
 
-BY = "command line"
 _VERBS: Mapping[str, tuple[str, str]] = {
     "begin": ("began", "say that a planned deployment has begun"),
     "end": ("ended", "say that a deployment is over"),
@@ -37,13 +38,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         one.add_argument("deployment", help="its id, such as deployment-3")
         parsers.append(one)
         if step in ("begin", "end"):
-            one.add_argument("--at", type=_moment, help="moment in UTC; by default now")
+            one.add_argument("--at", type=utc_moment, help="moment in UTC; by default now")
         elif step == "review":
             one.add_argument("--note", default="", help="what is to be known of the data")
         elif step == "deliver":
             one.add_argument("--to", required=True, help="who has the data now")
         else:
             one.add_argument("--reason", required=True, help="what was found")
+    parsers += quality.add_actions(actions)
     for one in parsers:
         add_data_option(one)
         add_remote_options(one)
@@ -55,14 +57,11 @@ def run(arguments: Namespace) -> int:
         for line in _listed(arguments):
             print(line)
         return 0
+    if arguments.action in quality.ACTIONS:
+        return quality.run(arguments)
     told = _step_there(arguments) if arguments.url else _step_here(arguments)
     print(f"{told['id']} of {told['robot']} is {told['state'].replace('_', ' ')}.")
     return 0
-
-
-def _moment(text: str) -> datetime:
-    at = datetime.fromisoformat(text)
-    return at.replace(tzinfo=UTC) if at.tzinfo is None else at
 
 
 def _listed(arguments: Namespace) -> list[str]:

@@ -39,3 +39,14 @@ def test_a_moment_that_has_not_come_and_an_unknown_id_are_refused(folder, capsys
     assert "has not come yet" in capsys.readouterr().err
     assert step(folder, "end", "deployment-9") == 1
     assert "deployment-9" in capsys.readouterr().err
+
+
+def test_data_are_checked_and_flagged_by_hand(folder, capsys):
+    capsys.readouterr()
+    assert step(folder, "check", "deployment-1") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].split() == "depth all 0 good, 0 not evaluated, 0 suspect, 0 fail".split()
+    flag = ("flag", "deployment-1", "--series", "depth", "--flag", "probably-bad")
+    past = ("--from", "2001-01-01T00:00", "--to", "2001-01-01T00:05", "--reason", "Mud")
+    assert step(folder, *flag, *past) == 1
+    assert "first_at" in capsys.readouterr().err

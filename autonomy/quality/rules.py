@@ -1,0 +1,132 @@
+"""Rules of quality control: one versioned document, which a station or a robot may have its own of.
+
+Numbers of the delivered set are defaults for cold to temperate water; a team sets its own.
+"""
+
+import hashlib
+
+from pydantic import Field, model_validator
+
+from autonomy.configuration import Configuration, quantity
+
+
+def _limit(title: str, unit: str = "", *, ge: float | None = None) -> float | None:
+    return quantity(None, unit, title=title, ge=ge)
+
+
+class SeriesRule(Configuration):
+    """Limits of one channel, in its own unit; what is left empty is not tested."""
+
+    fail_low: float | None = _limit("Fails below")
+    """Less than this cannot be."""
+    fail_high: float | None = _limit("Fails above")
+    """More than this cannot be."""
+    suspect_low: float | None = _limit("Suspect below")
+    """Less than this is unlikely here."""
+    suspect_high: float | None = _limit("Suspect above")
+    """More than this is unlikely here."""
+    spike_suspect: float | None = _limit("Spike, suspect", ge=0.0)
+    """Suspect where a value differs by more from the mean of its two neighbours."""
+    spike_fail: float | None = _limit("Spike, fails", ge=0.0)
+    """Fails where it differs by more than this."""
+    rate_suspect: float | None = _limit("Rate of change, suspect", ge=0.0)
+    """Suspect where it changed faster since the value before, per second."""
+    flat_suspect_s: float | None = _limit("Flat line, suspect after", "s", ge=0.0)
+    """Suspect once values have stayed within the tolerance for so long."""
+    flat_fail_s: float | None = _limit("Flat line, fails after", "s", ge=0.0)
+    """Fails once they have for so long."""
+    flat_tolerance: float = quantity(0.0, title="Flat line, tolerance", ge=0.0)
+    """Values that differ by less count as the same."""
+
+
+class PositionRule(Configuration):
+    """Limits of where a robot can be, and how fast it gets there."""
+
+    speed_suspect_m_s: float = quantity(1.0, "m/s", title="Speed, suspect", gt=0.0)
+    """A place to which the robot would have moved faster is suspect."""
+    speed_fail_m_s: float = quantity(3.0, "m/s", title="Speed, fails", gt=0.0)
+    """One to which it would have moved faster than this fails."""
+    margin_m: float = quantity(1000.0, "m", title="Margin around the water", ge=0.0)
+    """A place farther outside of the water's bounds is suspect."""
+    resolution_m: float = quantity(0.01, "m", title="Resolution of places", ge=0.0)
+    """Places that differ by no more are the same: they are kept in whole millimetres."""
+
+
+class DepthRule(Configuration):
+    """Limits of depth."""
+
+    margin_m: float = quantity(2.0, "m", title="Below the deepest place, fails", ge=0.0)
+    """A depth fails where it is so far below the deepest place of the water."""
+    above_m: float = quantity(1.0, "m", title="Above the surface, fails", ge=0.0)
+    """A depth fails where it is so far above the surface; up to there it is suspect."""
+    rate_suspect_m_s: float = quantity(1.0, "m/s", title="Vertical speed, suspect", gt=0.0)
+    """Suspect where it changed faster since the one before."""
+    resolution_m: float = quantity(0.01, "m", title="Resolution of depths", ge=0.0)
+    """Depths that differ by no more are the same: they are kept in whole millimetres."""
+
+
+class QualityRules(Configuration):
+    """By what measurements are flagged; runs keep the rules that they followed."""
+
+    name: str = Field(default="grace-qartod", title="Name", min_length=1, max_length=40)
+    """Name of the set, as files cite it."""
+    version: str = Field(
+        default="1.0.0", title="Version", pattern=r"^\d{1,4}\.\d{1,4}\.\d{1,4}$", max_length=14
+    )
+    """Of the set, as files cite it: three numbers. Raise it with every change."""
+    series: dict[str, SeriesRule] = Field(default_factory=dict, title="Channels")
+    """Limits by the key of a channel. A channel without any fails outside of the range that the
+    catalogue believes."""
+    position: PositionRule = Field(default=PositionRule(), title="Position")
+    """How a place is judged."""
+    depth: DepthRule = Field(default=DepthRule(), title="Depth")
+    """How a depth is judged."""
+
+    @model_validator(mode="after")
+    def _limits_fit(self) -> "QualityRules":
+        for key, rule in self.series.items():
+            for what in ("fail", "suspect"):
+                low, high = getattr(rule, f"{what}_low"), getattr(rule, f"{what}_high")
+                if low is not None and high is not None and low >= high:
+                    raise ValueError(
+                        f"{key}: {what}_low {low:g} must be below {what}_high {high:g}"
+                    )
+        if self.position.speed_suspect_m_s > self.position.speed_fail_m_s:
+            raise ValueError("speed_suspect_m_s must not be above speed_fail_m_s")
+        return self
+
+    @property
+    def sha256(self) -> str:
+        """Digest of all rules, by which a run says which ones it followed."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+
+GRACE_QARTOD = QualityRules(
+    series={
+        "temperature": SeriesRule(
+            fail_low=-2.5,
+            fail_high=40.0,
+            suspect_low=-2.0,
+            suspect_high=35.0,
+            spike_suspect=2.0,
+            spike_fail=6.0,
+            rate_suspect=0.2,
+            flat_suspect_s=1800.0,
+            flat_fail_s=3600.0,
+            flat_tolerance=0.001,
+        ),
+        "chlorophyll": SeriesRule(
+            fail_low=-1.0,
+            fail_high=100.0,
+            suspect_low=-0.1,
+            suspect_high=50.0,
+            spike_suspect=1.0,
+            spike_fail=5.0,
+            flat_suspect_s=3600.0,
+            flat_fail_s=7200.0,
+            flat_tolerance=0.0001,
+        ),
+        "blue_light": SeriesRule(fail_low=0.0, fail_high=65535.0),
+    }
+)
+"""The delivered set."""

@@ -1,0 +1,205 @@
+"""Flags of quality: what runs of rules found in deployments, and what people said of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import insert, select
+from sqlalchemy.orm import Session
+
+from db.fault import StoreError, UnknownIdError
+from db.identity import key_of, public_id
+from db.quality_tables import ManualFlagRow, QualityRunRow, QualityStretchRow
+from db.query.change import row_of
+from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.record import same
+
+OPEN_STATES = ("in_water", "recovered")
+"""States in which flags may be set: nobody answers for the data yet."""
+_FLAG = "flag"
+
+
+class FlagStateError(StoreError):
+    """The deployment is signed, or the flag was withdrawn already."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualityStretch:
+    """Values of a series in a row that have the same flag, which is not good."""
+
+    series: str
+    first_at: datetime
+    last_at: datetime
+    flag: int
+    tests: str
+
+
+@dataclass(frozen=True, slots=True)
+class QualityRun:
+    """One run of rules over a deployment."""
+
+    key: int
+    rules: Mapping[str, Any]
+    sha256: str
+    counts: Mapping[str, Any]
+    rows: int
+    at: datetime
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class ManualFlag:
+    """A flag that a person gave a stretch of time, both ends included."""
+
+    id: str
+    series: str
+    first_at: datetime
+    last_at: datetime
+    flag: int
+    reason: str
+    at: datetime
+    by: str
+
+
+def add_quality_run(
+    session: Session,
+    deployment: str,
+    *,
+    rules: Mapping[str, Any],
+    sha256: str,
+    counts: Mapping[str, Any],
+    rows: int,
+    found: Sequence[QualityStretch],
+    at: datetime,
+    by: str,
+) -> QualityRun:
+    """Keep what a run found; what earlier ones found stays.
+
+    Raises:
+        UnknownIdError: If there is no such deployment.
+    """
+    get_deployment(session, deployment)
+    row = QualityRunRow(
+        deployment_key=key_of("deployment", deployment),
+        rules=dict(rules),
+        sha256=sha256,
+        counts=dict(counts),
+        rows=rows,
+        at=at,
+        by=by,
+    )
+    session.add(row)
+    session.flush()
+    if found:
+        names = ("series", "first_at", "last_at", "flag", "tests")
+        session.execute(
+            insert(QualityStretchRow),
+            [{"run_key": row.key, **{n: getattr(one, n) for n in names}} for one in found],
+        )
+    return same(QualityRun, row)
+
+
+def newest_quality_run(session: Session, deployment: str) -> QualityRun | None:
+    """Return the run that counts, ``None`` before the first."""
+    row = session.scalar(
+        select(QualityRunRow)
+        .where(QualityRunRow.deployment_key == key_of("deployment", deployment))
+        .order_by(QualityRunRow.key.desc())
+        .limit(1)
+    )
+    return None if row is None else same(QualityRun, row)
+
+
+def quality_stretches(
+    session: Session, run: int, *, least: int, limit: int
+) -> list[QualityStretch]:
+    """Return what a run found with at least this flag, in order of series and time."""
+    rows = session.scalars(
+        select(QualityStretchRow)
+        .where(QualityStretchRow.run_key == run, QualityStretchRow.flag >= least)
+        .order_by(QualityStretchRow.series, QualityStretchRow.first_at)
+        .limit(limit)
+    )
+    return [same(QualityStretch, row) for row in rows]
+
+
+def add_manual_flag(
+    session: Session,
+    deployment: str,
+    *,
+    series: str,
+    first_at: datetime,
+    last_at: datetime,
+    flag: int,
+    reason: str,
+    at: datetime,
+    by: str,
+) -> ManualFlag:
+    """Give a stretch of time a flag, which counts before any test and any earlier flag.
+
+    Raises:
+        UnknownIdError: If there is no such deployment.
+        FlagStateError: If the deployment is not open.
+    """
+    _open(session, deployment)
+    row = ManualFlagRow(
+        deployment_key=key_of("deployment", deployment),
+        series=series,
+        first_at=first_at,
+        last_at=last_at,
+        flag=flag,
+        reason=reason,
+        at=at,
+        by=by,
+        withdrawn_at=None,
+        withdrawn_by=None,
+    )
+    session.add(row)
+    session.flush()
+    return _record(row)
+
+
+def withdraw_manual_flag(
+    session: Session, deployment: str, flag: str, at: datetime, by: str
+) -> ManualFlag:
+    """Let a flag count no more; it is kept.
+
+    Raises:
+        UnknownIdError: If the deployment has no such flag.
+        FlagStateError: If the deployment is not open, or the flag was withdrawn already.
+    """
+    _open(session, deployment)
+    row = row_of(session, ManualFlagRow, _FLAG, flag)
+    if row.deployment_key != key_of("deployment", deployment):
+        raise UnknownIdError(_FLAG, flag)
+    if row.withdrawn_at is not None:
+        raise FlagStateError(f"{flag} was withdrawn already, by {row.withdrawn_by}.")
+    row.withdrawn_at, row.withdrawn_by = at, by
+    session.flush()
+    return _record(row)
+
+
+def manual_flags(session: Session, deployment: str) -> list[ManualFlag]:
+    """Return the flags that count, in the order in which they were set: later ones win."""
+    rows = session.scalars(
+        select(ManualFlagRow)
+        .where(
+            ManualFlagRow.deployment_key == key_of("deployment", deployment),
+            ManualFlagRow.withdrawn_at.is_(None),
+        )
+        .order_by(ManualFlagRow.key)
+    )
+    return [_record(row) for row in rows]
+
+
+def _open(session: Session, deployment: str) -> DeploymentRecord:
+    record = get_deployment(session, deployment)
+    if record.void_reason or record.state not in OPEN_STATES:
+        state = "void" if record.void_reason else record.state.replace("_", " ")
+        raise FlagStateError(f"{deployment} is {state}; its flags are changed once it is reopened.")
+    return record
+
+
+def _record(row: ManualFlagRow) -> ManualFlag:
+    return same(ManualFlag, row, id=public_id(_FLAG, row.key))

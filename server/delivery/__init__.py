@@ -1,0 +1,1 @@
+"""What leaves the station of a deployment as science: flags of quality, and files with them."""

@@ -1,0 +1,190 @@
+"""The rows of a deployment with their flags, as workers make them."""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.quality.flag import MISSING, FlagArray, og1_flags
+from autonomy.quality.judgement import (
+    Judgement,
+    judge_depth,
+    judge_position,
+    judge_series,
+    stretches,
+)
+from autonomy.quality.rules import QualityRules, SeriesRule
+from db.column import microseconds, moment
+from db.engine import read_engine
+from db.query.fleet.deployments import DeploymentRecord
+from db.query.measured.merged_rows import RowBlock, iterate_rows
+from db.query.measured.quality import ManualFlag, QualityStretch
+
+POSITION, DEPTH = "position", "depth"
+"""Series beside those of the channels."""
+Report = Callable[[object], None]
+IsCancelled = Callable[[], bool]
+
+
+class WorkCancelledError(Exception):
+    """Whoever asked for the work wants it no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which rows, and by what they are judged."""
+
+    database_url: str
+    deployment: DeploymentRecord
+    believable: Mapping[str, tuple[float, float]]
+    """Range of the catalogue, by the sampled channels that rows carry."""
+    rules: QualityRules
+    smoothed: bool
+    """Whether samples are where they were after all."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that rows carry."""
+        return tuple(self.believable)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """What rules say of all rows: a judgement of each series, and which rows it is about."""
+
+    at_us: IntArray
+    """Shape ``(n,)``, strictly ascending."""
+    rows: Mapping[str, IntArray]
+    """Rows that have a value, by series."""
+    judgements: Mapping[str, Judgement]
+    left_out: int
+    """Further measurements of a channel at one moment."""
+    depth_m: FloatArray
+    """Shape ``(n,)``, NaN where nobody told."""
+    mode: IntArray
+    """``robot_link.messages.RobotMode``, -1 where nobody told, shape ``(n,)``."""
+    has_fix: BoolArray
+    """Shape ``(n,)``."""
+
+    def og1(self, series: str, manual: Sequence[ManualFlag]) -> FlagArray:
+        """Return the flags of a series as files have them, those of people before all others."""
+        flags = np.full(len(self.at_us), MISSING, dtype=np.int8)
+        flags[self.rows[series]] = self.judgements[series].flags
+        found = og1_flags(flags)
+        for one in manual:
+            if one.series == series:
+                first, last = microseconds(one.first_at), microseconds(one.last_at)
+                begin = np.searchsorted(self.at_us, first, side="left")
+                end = np.searchsorted(self.at_us, last, side="right")
+                part = found[begin:end]
+                part[flags[begin:end] != MISSING] = one.flag
+        return found
+
+    def found(self) -> list[QualityStretch]:
+        """Return what is not good, by series and time."""
+        return [
+            QualityStretch(
+                series,
+                moment(int(self.at_us[rows[one.first]])),
+                moment(int(self.at_us[rows[one.last]])),
+                one.flag,
+                ",".join(one.tests),
+            )
+            for series, judgement in self.judgements.items()
+            for rows in [self.rows[series]]
+            for one in stretches(judgement)
+        ]
+
+
+@contextmanager
+def reading(database_url: str) -> Generator[Session]:
+    """Open a session that sees one moment of a station's database and changes nothing."""
+    engine = read_engine(database_url)
+    try:
+        with Session(engine) as session:
+            yield session
+    finally:
+        engine.dispose()
+
+
+def blocks_of(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Generator[RowBlock]:
+    """Yield the rows in order of time.
+
+    Raises:
+        WorkCancelledError: Between two blocks.
+    """
+    blocks = iterate_rows(session, wanted.deployment, wanted.channels, smoothed=wanted.smoothed)
+    for block in blocks:
+        if is_cancelled():
+            raise WorkCancelledError
+        if len(block):
+            yield block
+
+
+def judged(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Judged:
+    """Read all rows once and judge them.
+
+    Raises:
+        WorkCancelledError: Between two blocks or series.
+    """
+    blocks = [replace(one, state={}) for one in blocks_of(session, wanted, is_cancelled)]
+    left_out = sum(one.left_out for one in blocks)
+    at_us = _joined([one.measured_at_us for one in blocks], np.int64)
+    place = _joined([one.position_ned for one in blocks], np.float64, (0, 3))
+    fix = _joined([one.has_fix for one in blocks], np.bool_)
+    smoothed = _joined([one.is_smoothed for one in blocks], np.bool_)
+    mode = _joined([one.mode for one in blocks], np.int64)
+    values = {
+        key: _joined([one.value[key] for one in blocks], np.float64) for key in wanted.channels
+    }
+    blocks.clear()
+    # of one beginning: a float of seconds since the epoch holds a tenth of a microsecond
+    times_s = (at_us - at_us[:1]) / 1e6
+    rows: dict[str, IntArray] = {}
+    found: dict[str, Judgement] = {}
+    for key, value in values.items():
+        if is_cancelled():
+            raise WorkCancelledError
+        rows[key] = np.flatnonzero(np.isfinite(value))
+        rule = wanted.rules.series.get(key, SeriesRule())
+        found[key] = judge_series(
+            value[rows[key]], times_s[rows[key]], rule, wanted.believable[key]
+        )
+    box, rules = wanted.deployment.site.domain, wanted.rules
+    rows[POSITION] = np.flatnonzero(np.isfinite(place[:, :2]).all(axis=1))
+    found[POSITION] = _position(place, times_s, fix, smoothed, rows[POSITION], wanted)
+    rows[DEPTH] = np.flatnonzero(np.isfinite(place[:, 2]))
+    found[DEPTH] = judge_depth(
+        place[rows[DEPTH], 2], times_s[rows[DEPTH]], rules.depth, box.depth_max_m
+    )
+    return Judged(at_us, rows, found, left_out, place[:, 2], mode, fix)
+
+
+def _position(
+    place: FloatArray,
+    times_s: FloatArray,
+    fix: BoolArray,
+    smoothed: BoolArray,
+    rows: IntArray,
+    wanted: Wanted,
+) -> Judgement:
+    """Judge places as the robot believed them, and smoothed ones, each in a line of their own.
+
+    Between the two lies how far the robot was wrong, which is no movement.
+    """
+    parts = [rows[~smoothed[rows]], rows[smoothed[rows]]]
+    box, rule = wanted.deployment.site.domain, wanted.rules.position
+    said = [judge_position(place[part, :2], times_s[part], fix[part], rule, box) for part in parts]
+    order = np.argsort(np.concatenate(parts), kind="stable")
+    whole = np.concatenate([one.flags for one in said])[order]
+    by_test = {
+        test: np.concatenate([one.by_test[test] for one in said])[order] for test in said[0].by_test
+    }
+    return Judgement(whole, by_test)
+
+
+def _joined(parts: Sequence[np.ndarray], kind: type, empty: tuple[int, ...] = (0,)) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.empty(empty, dtype=kind)

@@ -1,0 +1,141 @@
+"""Quality of data by REST: rules run in a worker, people flag by hand, signed data stay."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from server.access.role import Role
+from tests.server.conftest import MINI, api_client, until
+from tests.server.deployment.shore import answered, deployments, sample_at
+from tests.server.fake_link import state_report
+
+MINUTES = (50, 40, 30, 20, 10)
+
+
+@pytest.fixture
+async def deployment(client, world, station):
+    """A deployment with five values of temperature, one of which no water has."""
+    (now,) = await deployments(client, robot=MINI, state="in_water")
+    begin = datetime.now(UTC) - timedelta(hours=1)
+    path = f"/api/deployments/{now['id']}"
+    await answered(client.patch(path, json={"started_at": begin.isoformat()}))
+    for minutes in MINUTES:
+        at = datetime.now(UTC) - timedelta(minutes=minutes)
+        world.tell(state_report(MINI, (1.0, 0.5, 0.2), at=at))
+        value = 41 if minutes == 30 else minutes // 2
+        world.tell(sample_at(MINI, at, value, "temperature"))
+    station.ingest.flush()
+
+    async def kept():
+        return (await deployments(client, robot=MINI))[0]["samples"] == len(MINUTES)
+
+    await until(kept)
+    return path
+
+
+async def run(client, path):
+    job = await answered(client.post(f"{path}/quality"), 202)
+
+    async def ended():
+        told = await answered(client.get(f"/api/jobs/{job['id']}"))
+        return told["state"] not in ("queued", "running") and told
+
+    told = await until(ended, timeout_s=240.0)
+    assert told["state"] == "done", told["message"]
+    return await answered(client.get(f"{path}/quality"))
+
+
+async def test_a_run_flags_what_the_rules_do_not_believe_and_says_by_which(client, deployment):
+    before = await answered(client.get(f"{deployment}/quality"))
+    assert (before["run"], before["stretches"]) == (None, [])
+    assert before["series"] == ["temperature", "position", "depth"]
+    found = await run(client, deployment)
+    assert (found["run"]["name"], found["run"]["version"]) == ("grace-qartod", "1.0.0")
+    counts = found["run"]["counts"]["temperature"]
+    assert (counts["range"]["fail"], counts["all"]["fail"]) == (1, 3)
+    assert counts["spike"]["not_evaluated"] == 2
+    bad = [one for one in found["stretches"] if one["series"] == "temperature" and one["flag"] == 4]
+    assert [one["tests"] for one in bad] == [["spike"], ["range", "spike"], ["spike"]]
+    assert found["run"]["counts"]["position"]["all"]["fail"] == 0
+
+
+async def test_rules_of_a_robot_are_a_new_version_and_old_runs_stay(client, deployment):
+    first = await run(client, deployment)
+    rule = {
+        "version": "1.0.1",
+        "series": {
+            "temperature": {
+                "fail_high": 60.0,
+                "spike_fail": None,
+                "suspect_high": None,
+                "spike_suspect": None,
+            }
+        },
+    }
+    await answered(client.patch(f"/api/config/quality?robot={MINI}", json=rule))
+    second = await run(client, deployment)
+    assert second["run"]["version"] == "1.0.1"
+    assert second["run"]["sha256"] != first["run"]["sha256"]
+    events = (await answered(client.get("/api/events")))["events"]
+    told = [one["data"]["sha256"] for one in events if one["kind"] == "deployment.checked"]
+    assert told == [first["run"]["sha256"], second["run"]["sha256"]]
+    wrong = {"series": {"temperature": {"fail_low": 50.0, "fail_high": 40.0}}}
+    await answered(client.patch(f"/api/config/quality?robot={MINI}", json=wrong), 422)
+
+
+async def test_a_person_flags_a_stretch_and_withdraws_it(client, deployment):
+    at = datetime.now(UTC)
+    said = {
+        "series": "temperature",
+        "first_at": (at - timedelta(minutes=45)).isoformat(),
+        "last_at": (at - timedelta(minutes=35)).isoformat(),
+        "flag": 4,
+        "reason": "A hand on the sensor",
+    }
+    kept = await answered(client.post(f"{deployment}/flags", json=said), 201)
+    (shown,) = (await answered(client.get(f"{deployment}/quality")))["manual"]
+    assert (shown["id"], shown["reason"], shown["flag"]) == (kept["id"], said["reason"], 4)
+    assert shown["by"]
+    await answered(client.delete(f"{deployment}/flags/{kept['id']}"), 204)
+    assert (await answered(client.get(f"{deployment}/quality")))["manual"] == []
+    await answered(client.delete(f"{deployment}/flags/{kept['id']}"), 409)
+    await answered(client.delete(f"{deployment}/flags/flag-99"), 404)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"series": "salinity"}, "series"),
+        ({"first_at": "2001-01-01T00:00:00Z"}, "first_at"),
+        ({"last_at": "2001-01-01T00:00:00Z"}, "last_at"),
+        ({"flag": 5}, "flag"),
+        ({"reason": " "}, "reason"),
+    ],
+)
+async def test_a_flag_that_does_not_fit_names_its_field(client, deployment, change, field):
+    at = (datetime.now(UTC) - timedelta(minutes=40)).isoformat()
+    said = {"series": "depth", "first_at": at, "last_at": at, "flag": 3, "reason": "Mud"} | change
+    refused = await answered(client.post(f"{deployment}/flags", json=said), 422)
+    assert field in {one["loc"][-1] for one in refused["errors"]}
+
+
+async def test_signed_data_take_no_flags_until_they_are_reopened(client, deployment):
+    await answered(client.post(f"{deployment}/end"))
+    await answered(client.post(f"{deployment}/review"))
+    at = (datetime.now(UTC) - timedelta(minutes=40)).isoformat()
+    said = {"series": "depth", "first_at": at, "last_at": at, "flag": 3, "reason": "Mud"}
+    refused = await answered(client.post(f"{deployment}/flags", json=said), 409)
+    assert "is reviewed; its flags are changed once it is reopened" in refused["detail"]
+    await answered(client.post(f"{deployment}/reopen", json={"reason": "Mud"}))
+    await answered(client.post(f"{deployment}/flags", json=said), 201)
+
+
+async def test_what_has_not_begun_is_not_judged_and_a_viewer_only_looks(client, station):
+    planned = await answered(client.post("/api/deployments", json={"robot": MINI}), 201)
+    path = f"/api/deployments/{planned['id']}"
+    await answered(client.post(f"{path}/quality"), 409)
+    assert (await answered(client.get(f"{path}/quality")))["series"] == []
+    async with api_client(station, Role.VIEWER) as viewer:
+        assert (await viewer.get(f"{path}/quality")).status_code == 200
+        assert (await viewer.post(f"{path}/quality")).status_code == 403
+        assert (await viewer.post(f"{path}/flags", json={})).status_code in (403, 422)

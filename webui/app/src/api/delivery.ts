@@ -1,0 +1,21 @@
+import type { Client } from 'openapi-fetch';
+import type { components, paths } from './generated/station';
+import { done, of, told } from './call';
+
+/** What leaves the station of a deployment as science. */
+export class DeliveryApi {
+  readonly #http: Client<paths, 'application/json'>;
+
+  constructor(http: Client<paths, 'application/json'>) {
+    this.#http = http;
+  }
+
+  quality = (deployment: string) =>
+    told(this.#http.GET('/api/deployments/{deployment}/quality', of({ deployment })));
+  checkQuality = (deployment: string) =>
+    told(this.#http.POST('/api/deployments/{deployment}/quality', of({ deployment })));
+  setFlag = (deployment: string, body: components['schemas']['NewFlag']) =>
+    told(this.#http.POST('/api/deployments/{deployment}/flags', { ...of({ deployment }), body }));
+  withdrawFlag = (deployment: string, flag: string) =>
+    done(this.#http.DELETE('/api/deployments/{deployment}/flags/{flag}', of({ deployment, flag })));
+}
