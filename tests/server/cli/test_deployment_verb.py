@@ -45,7 +45,7 @@ def test_data_are_checked_and_flagged_by_hand(folder, capsys):
     capsys.readouterr()
     assert step(folder, "check", "deployment-1") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1].split() == "depth all 0 good, 0 not evaluated, 0 suspect, 0 fail".split()
+    assert " ".join(lines[-1].split()) == "depth all 0 good, 0 not evaluated, 0 suspect, 0 fail"
     flag = ("flag", "deployment-1", "--series", "depth", "--flag", "probably-bad")
     past = ("--from", "2001-01-01T00:00", "--to", "2001-01-01T00:05", "--reason", "Mud")
     assert step(folder, *flag, *past) == 1
