@@ -21,11 +21,12 @@ _OWN = ("log.", "shift.", "page.")
 def install(foundation: Foundation) -> None:
     """Make the log book and its watches, and tell whoever reads it when it has something new."""
     subjects = foundation.services.get(Subjects)
-    subjects.add_whole("/api/logbook")
+    subjects.add_whole(*(f"/api/logbook/{part}" for part in ("shifts", "handover", "pages")))
     subjects.add_details("entry", "page", "sha256")
     for method, path in route.ASK_THEMSELVES:
         subjects.add_self_asking(method, path)
-    foundation.services.add(LogBook(foundation))
+    log_book = foundation.services.add(LogBook(foundation))
+    foundation.lifetime.run("unused pictures", log_book.clean)
     foundation.services.add(Watch(foundation))
 
     def told(logged: EventLogged) -> None:

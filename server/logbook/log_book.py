@@ -1,12 +1,15 @@
 """The log book: written, changed by versions, struck out, and read with what happened."""
 
 import asyncio
+import logging
+import time
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
 from sqlalchemy.orm import Session
 
+from db.fault import StoreError
 from db.query.log_book.entries import (
     EntryChangedError,
     EntrySignedError,
@@ -17,6 +20,7 @@ from db.query.log_book.entries import (
     add_entry,
     change_entry,
     corrections_of,
+    every_attachment,
     newest_entries,
 )
 from db.query.log_book.told import ToldFilter, place_of, told_events
@@ -28,6 +32,10 @@ from server.logbook.view import EntryText
 
 AHEAD_MAX: Final = timedelta(minutes=1)
 """How far clocks of browsers may be ahead of the station's."""
+UNUSED_KEPT_S: Final = 48.0 * 3600.0
+"""So long a picture waits for the entry that it was sent for, s of the wall's clock."""
+_CLEAN_EVERY_S: Final = 3600.0
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +63,32 @@ class LogBook:
     def __init__(self, foundation: Foundation) -> None:
         self._store, self._clock = foundation.store, foundation.clock
         self.pictures = Pictures(foundation.settings.data_dir)
+
+    async def clean(self) -> None:
+        """Throw away pictures that were never put into an entry, until cancelled."""
+        while True:
+            try:
+                await self.clean_once(time.time() - UNUSED_KEPT_S)
+            except (StoreError, OSError) as error:
+                log.warning("unused pictures of the log book stay for now: %s", error)
+            await asyncio.sleep(_CLEAN_EVERY_S)
+
+    async def clean_once(self, before_s: float) -> int:
+        """Throw away pictures that no version of any entry has and that were sent before a time.
+
+        Returns how many went. Whoever writes one down at the same moment either keeps it or is
+        told that it is not there; see ``Pictures``.
+        """
+        old = await asyncio.to_thread(self.pictures.older_than, before_s)
+        if not old:
+            return 0
+        kept = await self._store.query(
+            lambda session: {one.sha256 for one in every_attachment(session)}
+        )
+        gone = await asyncio.to_thread(self.pictures.remove, old - kept, before_s)
+        if gone:
+            log.info("%d pictures that no entry has were thrown away", gone)
+        return gone
 
     async def write(self, body: EntryText, *, by: str, corrects: str | None = None) -> LogEntry:
         """Add an entry; once this returns it is kept.
@@ -105,7 +139,7 @@ class LogBook:
             message = f"it is {now:%Y-%m-%d %H:%M:%S}Z; the log book tells of what was"
             raise unprocessable("1 field is wrong.", [FieldError(loc=["at"], msg=message)])
         attachments = [
-            await asyncio.to_thread(self.pictures.describe, one.sha256, one.name)
+            await asyncio.to_thread(self.pictures.take, one.sha256, one.name)
             for one in body.attachments
         ]
         kept = [one for one in attachments if one is not None]

@@ -4,10 +4,13 @@ A PNG or WebP file that goes on behind its own end is refused, for it may be ano
 what follows the end of a JPEG file, as some cameras write it, is cut off.
 """
 
+import os
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from hashlib import sha256
 from pathlib import Path
+from threading import Lock
 from typing import Final
 
 from db.query.log_book.entries import Attachment
@@ -20,6 +23,7 @@ BYTES_MAX: Final = 10 * 2**20
 SIDE_MAX: Final = 16_384
 PIXELS_MAX: Final = 64_000_000
 ENDINGS: Final = {"image/png": "png", "image/jpeg": "jpg", "image/webp": "webp"}
+_DIGEST: Final = "[0-9a-f]{64}"
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 _FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG that tell the size of the picture."""
@@ -32,10 +36,15 @@ class PictureError(ValueError):
 
 
 class Pictures:
-    """The pictures of one station's log book. Its calls read and write files: use a thread."""
+    """The pictures of one station's log book. Its calls read and write files: use a thread.
+
+    The time of a file is when it was sent, or taken into an entry, last. Taking and throwing away
+    exclude each other, so that nobody writes down a picture that is about to go.
+    """
 
     def __init__(self, data_dir: Path) -> None:
         self._folder = data_dir / FOLDER
+        self._lock = Lock()
 
     def keep(self, data: bytes, name: str) -> Attachment:
         """Keep a picture; once this returns it outlives a power cut.
@@ -47,8 +56,11 @@ class Pictures:
         media_type, data = checked(data)
         digest = sha256(data).hexdigest()
         path = self._path(digest)
-        if not path.exists():
-            replace_file(path, data, mode=0o600)
+        with self._lock:
+            if path.exists():
+                os.utime(path)
+            else:
+                replace_file(path, data, mode=0o600)
         called = shown(name) or f"picture.{ENDINGS[media_type]}"
         return Attachment(digest, called, media_type, len(data))
 
@@ -60,10 +72,37 @@ class Pictures:
             return None
         return media_type_of(data), data
 
-    def describe(self, digest: str, name: str) -> Attachment | None:
-        """Return a picture that was kept before, under a name; ``None`` if there is none."""
-        found = self.find(digest)
-        return None if found is None else Attachment(digest, name, found[0], len(found[1]))
+    def take(self, digest: str, name: str) -> Attachment | None:
+        """Return a picture that was kept before, to be written down now under a name.
+
+        ``None`` if there is none; else it is not thrown away for as long as if it came now.
+        """
+        with self._lock:
+            found = self.find(digest)
+            if found is None:
+                return None
+            os.utime(self._path(digest))
+        return Attachment(digest, name, found[0], len(found[1]))
+
+    def older_than(self, before_s: float) -> set[str]:
+        """Return the hashes of pictures that were sent, or taken, before a time of the wall."""
+        files = self._folder.iterdir() if self._folder.is_dir() else ()
+        return {
+            one.name
+            for one in files
+            if re.fullmatch(_DIGEST, one.name) and one.stat().st_mtime < before_s
+        }
+
+    def remove(self, digests: Collection[str], before_s: float) -> int:
+        """Throw away those that nobody took meanwhile; return how many went."""
+        gone = 0
+        for digest in digests:
+            path = self._path(digest)
+            with self._lock:
+                if path.exists() and path.stat().st_mtime < before_s:
+                    path.unlink()
+                    gone += 1
+        return gone
 
     def _path(self, digest: str) -> Path:
         return self._folder / digest

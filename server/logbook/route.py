@@ -16,6 +16,7 @@ from db.query.log_book.entries import (
     entry_versions,
     get_entry,
     known_tags,
+    robots_of_attachment,
 )
 from db.query.log_book.told import GROUP_OF
 from db.record import same
@@ -164,21 +165,27 @@ async def export_log_book(
 
 
 @router.post("/entries", status_code=201)
-async def write_entry(caller: Pilot, body: NewEntry, log_book: LogBookDep) -> EntryView:
+async def write_entry(
+    caller: Pilot, body: NewEntry, log_book: LogBookDep, store: StoreDep
+) -> EntryView:
     """Write an entry. It is kept once this answers."""
     _may_write(caller, body.robot)
+    corrects = body.corrects
+    if corrects is not None:
+        await store.query(lambda session: _seen(caller, get_entry(session, corrects)))
     return entry_view(await log_book.write(body, by=caller.name, corrects=body.corrects), [])
 
 
 @router.get("/entries/{entry}")
 async def read_entry(caller: Viewer, entry: str, store: StoreDep) -> EntryHistoryView:
-    """Return an entry with everything that it ever said."""
+    """Return an entry with everything that it ever said of robots that the caller may see."""
 
     def read(session: Session) -> EntryHistoryView:
         found, versions = _seen(caller, get_entry(session, entry)), entry_versions(session, entry)
         corrected_by = corrections_of(session, [entry]).get(entry, [])
         return EntryHistoryView(
-            entry_view(found, corrected_by), [version_view(one) for one in versions]
+            entry_view(found, corrected_by),
+            [version_view(one) for one in versions if caller.rights.sees(one.robot)],
         )
 
     return await store.query(read)
@@ -240,9 +247,16 @@ async def keep_picture(caller: Pilot, file: UploadFile, log_book: LogBookDep) ->
     response_class=Response,
     responses={200: {"content": {"image/png": {}, "image/jpeg": {}, "image/webp": {}}}},
 )
-async def get_picture(caller: Viewer, sha256: Digest, log_book: LogBookDep) -> Response:
-    """Return a picture, as the kind that it is by its bytes."""
-    del caller
+async def get_picture(
+    caller: Viewer, sha256: Digest, log_book: LogBookDep, store: StoreDep
+) -> Response:
+    """Return a picture, as the kind that it is by its bytes.
+
+    404 if every entry that has it is about a robot that the caller may not see.
+    """
+    robots = await store.query(lambda session: robots_of_attachment(session, sha256))
+    if robots and not any(caller.rights.sees(robot) for robot in robots):
+        raise not_found("There is no picture of this hash.")
     found = await asyncio.to_thread(log_book.pictures.find, sha256)
     if found is None:
         raise not_found("There is no picture of this hash.")

@@ -1,42 +1,28 @@
-"""The 3D view: viser's page and its WebSocket, reached through the station's own door.
+"""The 3D view of a robot now: viser's page and its WebSocket, and what everybody sees in it."""
 
-viser itself has neither sign-in nor an Origin check, so it listens on a socket of the station's
-user, and every message passes here. A robot is chosen by the path, because viser's page cuts the
-query off its WebSocket address.
-"""
+from typing import Annotated, Literal, cast
 
-import contextlib
-from collections.abc import Callable, Coroutine
-from typing import Annotated, Any, Literal, cast
-
-import websockets
-from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Depends, Response, WebSocket
 from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
 from server.access.dependency import Pilot, SignInWatchDep, Viewer, WebSocketViewer
 from server.access.role import Right
-from server.access.stream import Direction, serve_stream
 from server.base.dependency import service
-from server.base.problem import Problem, not_found
+from server.base.problem import not_found
 from server.base.view import Body
+from server.scene.door import Foreign, Framed, page_response, pipe, refuse_foreign_scene
 from server.scene.host import SceneHost
 from server.scene.view import SceneStateView
-from webui.scene.page import page, policy
 from webui.scene.view import SceneChange, SceneState
 
 router = APIRouter(tags=["view"])
 
 SceneHostDep = Annotated[SceneHost, Depends(service(SceneHost))]
 
-_LARGEST_MESSAGE = 2**26
-_FOREIGN_SCENE = "This view shows the station's own scenes only; leave `websocket` out."
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Framed = Annotated[
-    bool, Query(description="Without viser's own panel, for a frame that has switches beside it.")
-]
 
 
 class SceneChangeBody(Body):
@@ -87,10 +73,10 @@ async def choose_view(
     caller: Viewer,
     robot: RobotId,
     framed: Framed = False,
-    websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
+    websocket: Foreign = None,
 ) -> RedirectResponse:
     """Lead to the scene of ``robot``."""
-    _refuse_foreign_scene(websocket)
+    refuse_foreign_scene(websocket)
     return RedirectResponse(f"/view/{robot}/{'?framed=true' if framed else ''}", status_code=307)
 
 
@@ -100,17 +86,13 @@ async def show_view(
     caller: Viewer,
     scenes: SceneHostDep,
     framed: Framed = False,
-    websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
+    websocket: Foreign = None,
 ) -> Response:
     """Return viser's page, which then opens the WebSocket of the same path."""
-    _refuse_foreign_scene(websocket)
+    refuse_foreign_scene(websocket)
     if await scenes.scene(robot) is None:
         raise not_found(f"There is no robot {robot}.")
-    return Response(
-        page(is_framed=framed),
-        media_type="text/html; charset=utf-8",
-        headers={"Content-Encoding": "gzip", "Content-Security-Policy": policy()},
-    )
+    return page_response(is_framed=framed)
 
 
 @router.websocket("/view/{robot}")
@@ -127,47 +109,7 @@ async def pipe_view(
     change what everybody sees, the value of a control.
     """
     scene = await scenes.scene(robot)
-    offered = websocket.scope.get("subprotocols", [])
-    if scene is None or not offered:
+    if scene is None:
         await websocket.close(code=1008)
         return
-    may_change = caller.rights.may(Right.PILOT, robot)
-    async with websockets.unix_connect(
-        str(scene.socket),
-        "ws://localhost/",
-        subprotocols=[websockets.Subprotocol(name) for name in offered],
-        compression=None,
-        max_size=_LARGEST_MESSAGE,
-    ) as line:
-        await websocket.accept(subprotocol=line.subprotocol)
-
-        async def to_scene() -> None:
-            while (message := await websocket.receive())["type"] != "websocket.disconnect":
-                content = scene.admitted(message.get("bytes") or b"", may_change=may_change)
-                if content is not None:
-                    await line.send(content)
-            raise WebSocketDisconnect
-
-        async def to_browser() -> None:
-            async for content in line:
-                if isinstance(content, bytes):
-                    await websocket.send_bytes(content)
-
-        await serve_stream(
-            websocket, watch, caller, "3D view", _until_closed(to_scene), _until_closed(to_browser)
-        )
-
-
-def _until_closed(direction: Callable[[], Coroutine[Any, Any, None]]) -> Direction:
-    """Let a direction end in peace when the scene has gone."""
-
-    async def run() -> None:
-        with contextlib.suppress(websockets.ConnectionClosed):
-            await direction()
-
-    return run
-
-
-def _refuse_foreign_scene(websocket: str | None) -> None:
-    if websocket is not None:
-        raise Problem(400, _FOREIGN_SCENE)
+    await pipe(websocket, scene, caller, watch, may_change=caller.rights.may(Right.PILOT, robot))

@@ -1,9 +1,5 @@
 """Gives the 3D scene what it may draw of each robot."""
 
-import math
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from autonomy.arrays import FloatArray
@@ -11,18 +7,16 @@ from autonomy.estimation.prediction import ellipse_90
 from autonomy.site import Area, Site
 from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
-from db.query.mission.plans import ENDED_STATES
-from db.record import same
 from robot_link.messages import RobotId
 from robot_link.report import TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps
 from server.prediction.predictions import PredictedPath, Predictions
+from server.scene.drawing import plan_view, pose_of, target_depth_m, target_path
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
-    BandView,
     ComparisonView,
     MapView,
     PlanView,
@@ -95,19 +89,7 @@ class StationSceneSource:
         state = self._status.state
         if state is None:
             return None
-        told = (state.roll_rad, state.pitch_rad, state.heading_rad, state.tail_rad)
-        roll, pitch, heading, tail = (0.0 if math.isnan(one) else one for one in told)
-        std_m = state.position_std_m if math.isfinite(state.position_std_m) else 0.0
-        return same(
-            Pose,
-            state,
-            position_std_m=std_m,
-            roll_rad=roll,
-            pitch_rad=pitch,
-            heading_rad=heading,
-            tail_rad=tail,
-            is_old=self._fleet.is_old(self._status),
-        )
+        return pose_of(state, is_old=self._fleet.is_old(self._status))
 
     def predicted(self) -> PredictedView | None:
         """Return where the robot should be that is not heard, anew once that looks otherwise."""
@@ -130,7 +112,7 @@ class StationSceneSource:
         if hand is None or not hand.legs:
             return None
         if self._plan is None or self._plan[:2] != (hand, leg_now):
-            self._plan = (hand, leg_now, _plan_view(hand, leg_now))
+            self._plan = (hand, leg_now, plan_view(hand, leg_now))
         return self._plan[2]
 
     def maps(self) -> tuple[str, ...]:
@@ -176,12 +158,12 @@ class StationSceneSource:
         hand = self._status.plan
         if hand is not self._path_of:
             self._path_of = hand
-            self._path = None if hand is None else _target_path(hand)
+            self._path = None if hand is None else target_path(hand)
         return self._path
 
     def _target_view(self, report: TargetReport, *, is_old: bool) -> TargetView:
         hand, state = self._status.plan, self._status.state
-        depth_m = 0.0 if hand is None else _target_depth_m(hand)
+        depth_m = 0.0 if hand is None else target_depth_m(hand)
         hears = report.phase in (TargetPhase.TRACKING, TargetPhase.WAITING)
         return TargetView(
             measured_at=report.measured_at,
@@ -222,59 +204,3 @@ def _looks_otherwise(view: PredictedView, shown: PredictedView) -> bool:
     grown_m = np.subtract(view.ellipse_m, shown.ellipse_m)
     change_m = float(max(np.linalg.norm(moved_m), np.abs(grown_m).max()))
     return view.label != shown.label or change_m > least_m
-
-
-def _target_depth_m(hand: PlanInHand) -> float:
-    """Return how deep the target of a plan is, 0 for a plan without one."""
-    return float(hand.record.config.get("target", {}).get("depth_m", 0.0))
-
-
-def _target_path(hand: PlanInHand) -> FloatArray | None:
-    """Return where the virtual target of a plan that is still to be flown goes, ``(n, 3)``, m."""
-    path = np.array(hand.record.document.get("target_path") or [], dtype=np.float64)
-    if path.ndim != 2 or hand.state in ENDED_STATES:
-        return None
-    return np.column_stack([path[:, 1:], np.full(len(path), _target_depth_m(hand))])
-
-
-def _plan_view(hand: PlanInHand, leg_now: int | None) -> PlanView:
-    """Return a plan with its legs as the scene draws it: by what it promises."""
-    dry_run = hand.record.document.get("rehearsal") or {}
-    band = _band_view(dry_run.get("band"))
-    if hand.expected is None:
-        flown = _rehearsed(dry_run)
-        return PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now, flown, band=band)
-    return PlanView(
-        hand.plan_id,
-        hand.state,
-        hand.legs,
-        hand.expected,
-        leg_now,
-        straight_ned=np.array([hand.legs[0].start_ned, *hand.points[:, 1:4].tolist()]),
-        band=band,
-    )
-
-
-def _rehearsed(dry_run: Mapping[str, Any]) -> FloatArray | None:
-    """Return where the first flight of a plan's dry run went, shape ``(n, 3)``, m."""
-    flown = np.array(dry_run.get("flown") or [], dtype=np.float64)
-    return flown[:, 1:4] if flown.ndim == 2 else None
-
-
-def _band_view(told: Mapping[str, Any] | None) -> BandView | None:
-    """Return where a dry run's flights were, by what ``robot_link.dry_run.FlightBand`` left."""
-    if told is None or not told["along"]:
-        return None
-    along = np.array(told["along"], dtype=np.float64)
-    shallow_m, deep_m = along[:, 7], along[:, 8]
-    ups: list[Mapping[str, Any]] = told["surfacings"]
-    return BandView(
-        level=told["level"],
-        leg=along[:, 0].astype(np.int64),
-        centre_ned=np.column_stack([along[:, 9:11], 0.5 * (shallow_m + deep_m)]),
-        half_axes_m=np.column_stack([along[:, 11:13], 0.5 * (deep_m - shallow_m)]),
-        direction_rad=along[:, 13],
-        surfacing_ne_m=np.array([(one["north_m"], one["east_m"]) for one in ups]).reshape(-1, 2),
-        surfacing_axes_m=np.array([one["ellipse_m"] for one in ups]).reshape(-1, 2),
-        surfacing_rad=np.array([one["ellipse_rad"] for one in ups], dtype=np.float64),
-    )

@@ -52,6 +52,18 @@
     shaderSource.call(this, shader, words);
   };
 
+  /** A view of the past says so in itself, wherever it is shown. */
+  const then = Date.parse(decodeURIComponent(/\/at\/([^/]+)\/?$/.exec(location.pathname)?.[1] ?? ''));
+  if (!Number.isNaN(then)) {
+    const [day, time] = new Date(then).toISOString().slice(0, 19).split('T');
+    const mark = document.createElement('div');
+    mark.id = 'then';
+    mark.setAttribute('role', 'note');
+    mark.textContent = `At ${time}Z, not live`;
+    mark.title = `The robot as the station believed it to be on ${day} at ${time}Z.`;
+    document.addEventListener('DOMContentLoaded', () => document.body.append(mark));
+  }
+
   const around = window.frameElement?.ownerDocument;
   if (!around) return;
   const follow = () => {

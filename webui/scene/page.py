@@ -18,6 +18,12 @@ body { background: var(--sky) !important; }
 #root div:has(canvas) { background: none !important; }
 """
 """The sky lies behind the canvas, which draws none: there from the first paint, in each theme."""
+_THEN = """
+#then { position: fixed; inset: 0 0 auto; z-index: 10; padding: 5px 12px; text-align: center;
+  font: 600 14px/1.4 system-ui, sans-serif; color: #1b1300; background: #e0a838;
+  pointer-events: none; }
+"""
+"""The mark of a view of the past, across its upper edge."""
 _BARE = """
 .mantine-Paper-root,
 .mantine-Notification-root[style*="orange"] { display: none !important; }
@@ -77,5 +83,5 @@ def _html(*, is_framed: bool) -> bytes:
     content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
     scripts = [(Path(__file__).parent / name).read_text() for name in _BEFORE]
     before = "".join(f"<script>{script}</script>" for script in scripts)
-    style = f"<style>{_GROUND}{_BARE if is_framed else ''}</style>"
+    style = f"<style>{_GROUND}{_THEN}{_BARE if is_framed else ''}</style>"
     return content.replace(b"<head>", f"<head>{style}{before}".encode(), 1)

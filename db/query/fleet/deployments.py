@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from sqlalchemy import select
+from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from autonomy.site import Site
@@ -147,6 +147,26 @@ def deployment_in_water(session: Session, robot: str) -> DeploymentRecord | None
             Deployment.state == "in_water",
             Deployment.void_reason == "",
         )
+    )
+    return None if row is None else deployment_record(session, row, robot)
+
+
+def deployment_at(session: Session, robot: str, at: datetime) -> DeploymentRecord | None:
+    """Return the deployment that a robot was in at a moment, ``None`` for the workshop.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    row = session.scalar(
+        select(Deployment)
+        .where(
+            Deployment.robot_key == robot_key(session, robot),
+            Deployment.void_reason == "",
+            Deployment.started_at <= at,
+            or_(Deployment.ended_at.is_(None), Deployment.ended_at > at),
+        )
+        .order_by(Deployment.started_at.desc())
+        .limit(1)
     )
     return None if row is None else deployment_record(session, row, robot)
 

@@ -341,6 +341,18 @@ def every_attachment(session: Session) -> Iterator[Attachment]:
                 yield Attachment(**one)
 
 
+def robots_of_attachment(session: Session, digest: str) -> set[str | None]:
+    """Return whose entries had a picture in any version; ``None`` of the station as a whole."""
+    statement = (
+        select(Robot.id)
+        .select_from(LogEntryVersionRow)
+        .outerjoin(Robot, Robot.key == LogEntryVersionRow.robot_key)
+        .where(cast(LogEntryVersionRow.attachments, String).contains(digest))
+        .distinct()
+    )
+    return set(session.scalars(statement))
+
+
 def _newest() -> Select[LogEntryRow, LogEntryVersionRow, str]:
     """Return a query for entries with their newest version and the id of its robot."""
     is_newest = and_(

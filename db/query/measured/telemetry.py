@@ -7,7 +7,7 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from sqlalchemy import Integer, func, or_, select, type_coerce
+from sqlalchemy import ColumnElement, Integer, func, or_, select, type_coerce
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray
@@ -88,8 +88,14 @@ _MODES: dict[int | None, RobotMode | None] = {None: None, **{int(mode): mode for
 """A lookup: making the members of twenty thousand numbers takes longer than to read them."""
 
 
-def newest_state(session: Session, robot: str) -> StateReport | None:
-    """Return the newest report of a robot about itself; a recording has none."""
+def newest_state(
+    session: Session, robot: str, *, heard_by: datetime | None = None
+) -> StateReport | None:
+    """Return the newest report of a robot about itself; a recording has none.
+
+    With ``heard_by`` it is the newest that the station had heard by that moment.
+    """
+    heard = () if heard_by is None else _heard_by(heard_by)
     row = session.scalar(
         select(StateRow)
         .where(
@@ -97,11 +103,17 @@ def newest_state(session: Session, robot: str) -> StateReport | None:
             StateRow.mode.is_not(None),
             StateRow.north_m.is_not(None),
             StateRow.depth_m.is_not(None),
+            *heard,
         )
         .order_by(StateRow.measured_at.desc())
         .limit(1)
     )
     return None if row is None else _report(row, robot)
+
+
+def _heard_by(at: datetime) -> tuple[ColumnElement[bool], ...]:
+    """Return what is true of a report that the station had by a moment."""
+    return (StateRow.measured_at <= at, StateRow.received_at <= at)
 
 
 def idle_since(
@@ -145,6 +157,22 @@ def newest_plan_report(
         robot=RobotId(robot),
         sha256=None if row.sha256 is None else PlanHash(row.sha256),
         state=OnboardPlanState(row.state),
+    )
+
+
+def leg_flown(session: Session, robot: str, sha256: str, heard_by: datetime) -> int | None:
+    """Return which leg of a plan a robot flew, by what the station had heard by a moment."""
+    return session.scalar(
+        select(PlanReportRow.leg)
+        .where(
+            PlanReportRow.robot_key == robot_key(session, robot),
+            PlanReportRow.measured_at <= heard_by,
+            PlanReportRow.received_at <= heard_by,
+            PlanReportRow.sha256 == sha256,
+            PlanReportRow.state == int(OnboardPlanState.RUNNING),
+        )
+        .order_by(PlanReportRow.measured_at.desc())
+        .limit(1)
     )
 
 
@@ -243,8 +271,12 @@ def track(
     start: datetime | None = None,
     end: datetime | None = None,
     max_points: int = 2000,
+    *,
+    heard_by: datetime | None = None,
 ) -> Track:
     """Return the positions of a robot from ``start`` to ``end``, both included.
+
+    With ``heard_by`` they are those that the station had heard by that moment.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -256,6 +288,7 @@ def track(
             StateRow.robot_key == robot_key(session, robot),
             StateRow.north_m.is_not(None),
             StateRow.depth_m.is_not(None),
+            *(() if heard_by is None else _heard_by(heard_by)),
         ),
         (
             StateRow.north_m,

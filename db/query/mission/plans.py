@@ -1,11 +1,11 @@
 """Plans and their life cycle; the legs and figures of a plan are one document."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
 from db.deployment_span import Period
@@ -150,6 +150,31 @@ def plan_by_hash(session: Session, robot: str, sha256: str) -> PlanRecord | None
         .limit(1)
     ).one_or_none()
     return None if found is None else _record(*found)
+
+
+def plan_on_board_at(session: Session, robot: str, at: datetime) -> PlanRecord | None:
+    """Return the plan that a robot held at a moment, by what the station had proof of then.
+
+    Its state is as it was: ``running`` or ``on_board``; the rest of it as it is now.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    held_from = func.coalesce(Plan.on_board_at, Plan.running_at)
+    row = session.scalar(
+        select(Plan)
+        .where(
+            Plan.robot_key == robot_key(session, robot),
+            held_from <= at,
+            or_(Plan.ended_at.is_(None), Plan.ended_at > at),
+        )
+        .order_by(held_from.desc(), Plan.key.desc())
+        .limit(1)
+    )
+    if row is None:
+        return None
+    was_running = row.running_at is not None and row.running_at <= at
+    return replace(_record(row, robot), state="running" if was_running else "on_board")
 
 
 def list_plans(

@@ -49,7 +49,12 @@ OPEN_TO_ALL = {
 }  # fmt: skip
 READS_ROBOT = {"/api/config/{kind}", "/api/alarm-rules/{rule}/out-of-service"}
 """Changes of the station or, by their query, of one robot."""
-WEBSOCKETS = {"/api/live": 1, "/view/{robot}": 1, "/api/robots/{robot}/drive": 2}
+WEBSOCKETS = {
+    "/api/live": 1,
+    "/view/{robot}": 1,
+    "/view/{robot}/at/{at}": 1,
+    "/api/robots/{robot}/drive": 2,
+}
 """Rank that each of them needs."""
 
 
