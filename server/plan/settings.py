@@ -153,7 +153,8 @@ def _check_domain(domain: Box, status: RobotStatus) -> None:
     water = site.water
     message = (
         f"the domain leaves the water of {site.name} ({water.x_min_m:g} to {water.x_max_m:g} m "
-        f"north, {water.y_min_m:g} to {water.y_max_m:g} m east, {water.depth_max_m:g} m deep)"
+        f"north, {water.y_min_m:g} to {water.y_max_m:g} m east, {site.kind} floor "
+        f"{water.depth_max_m:g} m)"
     )
     raise unprocessable("1 field is wrong.", [FieldError(loc=["config", "domain"], msg=message)])
 

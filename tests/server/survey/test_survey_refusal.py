@@ -39,7 +39,7 @@ async def test_domain_outside_the_water_is_refused(client):
     )
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["loc"] == ["config", "domain"]
-    assert "1.2 m deep" in refused.json()["errors"][0]["msg"]
+    assert "tank floor 1.2 m" in refused.json()["errors"][0]["msg"]
 
 
 async def test_plan_cites_the_version_of_the_settings_it_was_made_with(client):
