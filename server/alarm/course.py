@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from autonomy.channel import Channel
 from server.alarm.expression import compile_expression
-from server.alarm.judging import NORMAL, Band, Standing, advance
+from server.alarm.judging import NORMAL, Band, Standing, advance, settle
 from server.alarm.rule import AlarmRule, RuleLimit, filled
 from server.alarm.value import VALUES, Found
 
@@ -81,7 +81,7 @@ class CompiledRule:
             if name not in VALUES:
                 return math.nan
             found = look.station(name)
-            return 0.0 if found is None else _number(found, look.now)
+            return VALUES[name].absent if found is None else _number(found, look.now)
 
         evaluate = self._evaluate
         value = math.nan if evaluate is None else evaluate(lookup)
@@ -97,6 +97,11 @@ class CompiledRule:
         if self.channel is not None:
             return self.channel.words(value)
         return f"{value:g}" if self.value is None else self.value.words(value)
+
+    @property
+    def is_conditional(self) -> bool:
+        """Whether what a robot does decides if what it finds is an alarm."""
+        return bool(self.rule.modes or self.rule.suppressed)
 
     @property
     def title(self) -> str:
@@ -131,13 +136,18 @@ class Course:
         value, detail, is_known = self._read(look)
         before = self.standing.rank
         band, timed = self.compiled.band, self.compiled.is_timed
-        self.standing, self.due = advance(band, self.standing, value, look.now, inclusive=timed)
+        if value is None:
+            self.standing, self.due = settle(band, self.standing, NORMAL, look.now)
+        else:
+            self.standing, self.due = advance(band, self.standing, value, look.now, inclusive=timed)
         if (timed or self.compiled.reads_time) and is_known and self.due is None:
             self.due = self._reached_at(look)
         rank = self.standing.rank
         if rank == NORMAL:
             self.verdict = None
-        elif rank != before or self.verdict is None or (is_known and detail != self._detail):
+        elif value is not None and (
+            rank != before or self.verdict is None or (is_known and detail != self._detail)
+        ):
             # A sentence follows its detail; its value stays the one that crossed the limit.
             limit, self._detail = band.limits[rank], detail
             self.verdict = Verdict(limit.level, self._text(look.robot, value, detail, limit))
@@ -155,14 +165,15 @@ class Course:
         self.standing, self.verdict, self.due = Standing(), None, None
         self._before.clear()
 
-    def _read(self, look: Look) -> tuple[float, str, bool]:
+    def _read(self, look: Look) -> tuple[float | None, str, bool]:
+        """Return the value, its words, and whether it is known; ``None`` if it does not apply."""
         compiled, kind = self.compiled, self.compiled.rule.kind
         if kind == "expression":
             return compiled.evaluated(look), "", True
         if compiled.value is not None:
             found = look.station(compiled.rule.reads)
             if found is None:
-                return _normal(compiled.band), "", False
+                return None, "", False
             return _number(found, look.now), found.detail, True
         told = look.channels.get(compiled.rule.reads)
         if told is None:
@@ -218,12 +229,3 @@ class Course:
                 "detail": detail,
             },
         )
-
-
-def _normal(band: Band) -> float:
-    """Return a number that lies beyond none of some limits: what is read applies to nothing."""
-    lows = [one.low for one in band.limits if one.low is not None]
-    highs = [one.high for one in band.limits if one.high is not None]
-    if not lows:
-        return -math.inf
-    return math.inf if not highs else (max(lows) + min(highs)) / 2.0

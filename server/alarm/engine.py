@@ -72,8 +72,14 @@ class Memory:
         found = {id(one): one for one in self._always}
         for name in changed:
             found.update((id(one), one) for one in self._by_name.get(name, ()))
-        found.update((id(one), one) for one in self.courses if one.due and one.due <= now)
+        found.update((id(one), one) for one in self.courses if _may_differ(one, now))
         return list(found.values())
+
+
+def _may_differ(course: Course, now: datetime) -> bool:
+    """Tell whether time, or what the robot does, may change what a rule says without a value."""
+    is_due = course.due is not None and course.due <= now
+    return is_due or (course.verdict is not None and course.compiled.is_conditional)
 
 
 class Engine:

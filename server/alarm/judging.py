@@ -88,7 +88,20 @@ def advance(
     """
     if math.isnan(value):
         return replace(standing, wished=standing.rank, since=None), None
-    rank = rank_of(band, value, standing.rank, inclusive=inclusive)
+    return settle(band, standing, rank_of(band, value, standing.rank, inclusive=inclusive), now)
+
+
+def settle(
+    band: Band, standing: Standing, rank: int, now: datetime
+) -> tuple[Standing, datetime | None]:
+    """Return where a rule stands once it is asked to go to a rank, and when it gets there.
+
+    Args:
+        band: How it judges.
+        standing: Where it stood.
+        rank: Where it is to go; ``NORMAL`` also for what does not apply.
+        now: When that is, never earlier than before.
+    """
     if rank == standing.rank:
         return Standing(rank, rank), None
     is_worse = rank > standing.rank

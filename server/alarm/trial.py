@@ -1,15 +1,14 @@
 """A rule tried on the past: when it would have fired, by the same course that judges live."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any, Final
 
 from sqlalchemy.orm import Session
 
 from autonomy.channel import Channel
-from db.query.measured.telemetry import history
+from db.query.measured.telemetry import StatePast, history, state_past
 from robot_link.messages import STATE
 from server.alarm.rule import AlarmRule
 from server.alarm.trial_task import Fired, Past, PastValue
@@ -58,14 +57,16 @@ class Trials:
             judged, begin = 0, now - timedelta(days=days)
             for number, robot in enumerate(robots):
                 progress.report(number / len(robots), f"reading what {robot} told")
-                past = await self._foundation.store.query(
-                    lambda session, robot=robot: _past(session, robot, series, begin, now)
+                past, modes = await self._foundation.store.query(
+                    lambda session, robot=robot: _past(
+                        session, robot, rule, series, channels, begin, now
+                    )
                 )
                 judged += sum(len(one.values) for one in past.values())
                 if judged > _POINTS_MAX:
                     raise JobError(f"That is more than {_POINTS_MAX} values; try fewer days.")
                 progress.report(number / len(robots), f"judging {judged} values of {robot}")
-                problem = Past(robot, rule, channels, past, now)
+                problem = Past(robot, rule, channels, past, modes, now)
                 try:
                     fired += await self._foundation.study_workers.run(_TASK, problem)
                 except WORKER_FAILURES as error:
@@ -99,15 +100,38 @@ def _series(rule: AlarmRule, channels: Mapping[str, Channel]) -> dict[str, _Seri
 
 
 def _past(
-    session: Session, robot: str, series: Mapping[str, _Series], begin: datetime, end: datetime
-) -> dict[str, PastValue]:
+    session: Session,
+    robot: str,
+    rule: AlarmRule,
+    series: Mapping[str, _Series],
+    channels: Mapping[str, Channel],
+    begin: datetime,
+    end: datetime,
+) -> tuple[dict[str, PastValue], PastValue]:
+    """Return what a robot told of each name, and what it did, as the live rules were told it."""
+    of_state = sorted({one.channel for one in series.values()} & STATE.gauges.keys())
+    states = StatePast([], [], {})
+    if of_state or rule.modes:
+        states = state_past(session, robot, of_state, begin, end)
     past: dict[str, PastValue] = {}
     for name, kept in series.items():
-        found = history(session, robot, kept.channel, begin, end, _ALL_POINTS)
-        told = [
-            (at.astimezone(UTC), value * kept.factor)
-            for at, value in zip(found.measured_at, found.value, strict=True)
-            if not math.isnan(value)
-        ]
-        past[name] = PastValue([at for at, _ in told], [value for _, value in told])
-    return past
+        if kept.channel in states.values:
+            values = [value * kept.factor for value in states.values[kept.channel]]
+            past[name] = PastValue(states.measured_at, values)
+        else:
+            past[name] = _possible(session, robot, channels[kept.channel], begin, end)
+    modes = [float(mode) for mode in states.mode] if rule.modes else []
+    return past, PastValue(states.measured_at if rule.modes else [], modes)
+
+
+def _possible(
+    session: Session, robot: str, channel: Channel, begin: datetime, end: datetime
+) -> PastValue:
+    """Return the values of a channel but those that cannot be true, which no alarm uses."""
+    found = history(session, robot, channel.key, begin, end, _ALL_POINTS)
+    told = [
+        (at, value)
+        for at, value in zip(found.measured_at, found.value, strict=True)
+        if channel.fault(value) is None
+    ]
+    return PastValue([at for at, _ in told], [value for _, value in told])

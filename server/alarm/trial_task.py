@@ -1,18 +1,24 @@
 """Judges the past of one robot by one rule, in a worker."""
 
 import heapq
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, Final
 
 from autonomy.channel import Channel
+from robot_link.messages import RobotMode
 from server.alarm.course import CompiledRule, Course, Look, Told
 from server.alarm.rule import AlarmRule
 from server.alarm.value import VALUES, Found
 
 _ASKED_EVERY: Final = 2000
 _FIRED_MAX: Final = 1000
+_MODE: Final = ""
+"""Stands among the names of values for what the robot was doing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,8 @@ class Past:
     rule: AlarmRule
     channels: Mapping[str, Channel]
     told: Mapping[str, PastValue]
+    modes: PastValue
+    """Numbers of ``RobotMode``; empty where the rule is for any."""
     end: datetime
 
 
@@ -58,20 +66,26 @@ def replay(
 ) -> list[Fired]:
     """Return when a rule would have fired, at most the last thousand times.
 
-    A level that changes ends one stretch and begins another. Where the rule is for some modes, or
-    suppressed, is not looked at: the past of that is not kept.
+    What was measured at one moment is judged together, as a report is. A level that changes ends
+    one stretch and begins another, and a mode that the rule is not for ends one. When the rule is
+    suppressed by design is not looked at: the past of that is not kept.
     """
     del report
     course, told = Course(CompiledRule(past.rule, past.channels)), dict[str, Told]()
     fired: list[Fired] = []
+    mode = ""
 
     def station(name: str) -> Found | None:
         kept = told.get(name)
-        return None if kept is None else Found(kept.value, VALUES[name].words(kept.value))
+        if kept is None or math.isnan(kept.value):
+            return None
+        return Found(kept.value, VALUES[name].words(kept.value))
 
     def judge(now: datetime) -> None:
         look = Look(past.robot, now, told, station)
         verdict = course.look(look)
+        if past.rule.modes and mode not in past.rule.modes:
+            verdict = None
         stands = fired[-1] if fired and fired[-1].end is None else None
         if stands is not None and (verdict is None or verdict.level != stands.level):
             stands.end = now
@@ -79,22 +93,27 @@ def replay(
         if verdict is not None and stands is None:
             fired.append(Fired(past.robot, verdict.level, now, None, verdict.text))
 
-    for number, (at, name, value) in enumerate(_merged(past.told)):
+    for number, (at, rows) in enumerate(groupby(_merged(past), itemgetter(0))):
         if number % _ASKED_EVERY == 0 and is_cancelled():
             return []
         while course.due is not None and course.due < at:
             judge(course.due)
-        told[name] = Told(value, at, at)
+        for _, name, value in rows:
+            if name == _MODE:
+                mode = RobotMode(int(value)).name.lower()
+            else:
+                told[name] = Told(value, at, at)
         judge(at)
     while course.due is not None and course.due <= past.end:
         judge(course.due)
     return fired[-_FIRED_MAX:]
 
 
-def _merged(told: Mapping[str, PastValue]) -> Iterator[tuple[datetime, str, float]]:
-    """Return all values in order of time."""
+def _merged(past: Past) -> Iterator[tuple[datetime, str, float]]:
+    """Return all values and modes in order of time."""
+    series = {**past.told, _MODE: past.modes}
     rows = (
-        zip(past.times, [name] * len(past.times), past.values, strict=True)
-        for name, past in told.items()
+        zip(one.times, [name] * len(one.times), one.values, strict=True)
+        for name, one in series.items()
     )
     return heapq.merge(*rows, key=lambda row: row[0])

@@ -105,6 +105,14 @@ class StationValue:
         """What it is a value of."""
         return "station" if self.read is None else "robot"
 
+    @property
+    def absent(self) -> float:
+        """What an expression reads where it is normal or does not apply; NaN of a quantity.
+
+        A state is 0 then and no time has passed, but a robot that knows no other is not 0 m away.
+        """
+        return 0.0 if self.is_time or not self.unit else math.nan
+
     def found(self, status: RobotStatus | None, watch: Watch) -> Found | None:
         """Return what is to be read of a robot, or of the station."""
         if self.read is not None:

@@ -1,6 +1,7 @@
 """What robots reported of themselves: newest state, history of a channel, track."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import reduce
@@ -246,6 +247,51 @@ def history(
     rows, decimated = thinned_rows(session, series, start, end, max_points)
     values = [row[1] if parts is None else math.sqrt(row[1]) for row in rows]
     return History(moments([row[0] for row in rows]), values, decimated)
+
+
+@dataclass(frozen=True, slots=True)
+class StatePast:
+    """State reports of some time, in order, as they were told."""
+
+    measured_at: list[datetime]
+    mode: list[RobotMode]
+    values: dict[str, list[float]]
+    """By channel; NaN where a report did not know it."""
+
+
+def state_past(
+    session: Session, robot: str, channels: Sequence[str], start: datetime, end: datetime
+) -> StatePast:
+    """Return some channels of every state report from ``start`` to ``end``, both included.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    parts = {channel: STATE.parts_of_norm(channel) or (channel,) for channel in channels}
+    names = list(dict.fromkeys(name for each in parts.values() for name in each))
+    rows = session.execute(
+        select(StateRow.measured_at, StateRow.mode, *(STATE_CHANNELS[name] for name in names))
+        .where(
+            StateRow.robot_key == robot_key(session, robot),
+            StateRow.measured_at.between(start, end),
+        )
+        .order_by(StateRow.measured_at)
+    ).all()
+    told: dict[str, list[float]] = {
+        name: [math.nan if row[place] is None else float(row[place]) for row in rows]
+        for place, name in enumerate(names, start=2)
+    }
+    values = {
+        channel: told[channel]
+        if each == (channel,)
+        else [math.hypot(*one) for one in zip(*(told[part] for part in each), strict=True)]
+        for channel, each in parts.items()
+    }
+    return StatePast(
+        measured_at=[row[0] for row in rows],
+        mode=[RobotMode(0 if row[1] is None else row[1]) for row in rows],
+        values=values,
+    )
 
 
 def _is_kept(session: Session, series: Series) -> bool:

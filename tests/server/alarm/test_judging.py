@@ -167,3 +167,21 @@ def test_a_sentence_keeps_the_value_that_crossed_its_limit():
     first = high.look(look(0, internal_pressure=(1100.0, at(0), at(0))))
     assert first.text == "Internal pressure 1100 hPa above 1000 hPa "
     assert high.look(look(1, internal_pressure=(1300.0, at(1), at(1)))) is first
+
+
+@pytest.mark.parametrize(
+    ("expression", "is_raised"),
+    [("nearest_robot < 50", False), ("battery < 20", False), ("overdue < 5 and adrift < 1", True)],
+)
+def test_a_quantity_that_does_not_apply_is_unknown_while_a_state_is_normal(expression, is_raised):
+    limits = (RuleLimit(level="warning", high=0.5),)
+    rule = AlarmRule(
+        key="a", title="A", kind="expression", expression=expression, limits=limits, text="x"
+    )
+    assert (Course(CompiledRule(rule, CHANNELS)).look(look(0)) is not None) is is_raised
+
+
+def test_what_does_not_apply_raises_nothing_where_limits_of_two_levels_cross():
+    limits = (RuleLimit(level="watch", high=5.0), RuleLimit(level="warning", low=20.0))
+    rule = AlarmRule(key="a", title="A", reads="battery", limits=limits, text="x")
+    assert Course(CompiledRule(rule, CHANNELS)).look(look(0)) is None

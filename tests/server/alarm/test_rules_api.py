@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from robot_link.messages import RobotMode
 from robot_link.report import Reading
 from tests.server.conftest import MINI, until
 from tests.server.fake_link import state_report
@@ -109,16 +110,54 @@ async def test_a_rule_tried_on_the_past_fires_when_it_would_have(station, client
     }
     started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}))
 
+    fired = await fired_of(client, started)
+    begins = [datetime.fromisoformat(one["begin"]) - ago for one in fired]
+    assert begins == [timedelta(minutes=1, seconds=30), timedelta(minutes=4, seconds=30)]
+    assert [one["end"] is None for one in fired] == [False, True]
+
+
+async def fired_of(client, started):
+    """Return when a rule would have fired for the robot, once its trial is done."""
+
     async def ended():
         job = await ok(client.get(f"/api/jobs/{started['job']}"))
         return job if job["state"] not in ("queued", "running") else None
 
     job = await until(ended)
     assert job["state"] == "done", job
-    fired = [one for one in job["result"]["fired"] if one["robot"] == MINI]
-    begins = [datetime.fromisoformat(one["begin"]) - ago for one in fired]
-    assert begins == [timedelta(minutes=1, seconds=30), timedelta(minutes=4, seconds=30)]
-    assert [one["end"] is None for one in fired] == [False, True]
+    return [one for one in job["result"]["fired"] if one["robot"] == MINI]
+
+
+async def test_a_trial_follows_modes_and_leaves_out_what_cannot_be_true(client, world):
+    ago = datetime.now(UTC) - timedelta(hours=2)
+    flown = (RobotMode.GLIDING, RobotMode.SURFACED, RobotMode.GLIDING)
+    for minute, mode in enumerate(flown):
+        when = ago + timedelta(minutes=minute)
+        world.tell(state_report(MINI, mode=mode, measured_at=when, received_at=when))
+    told = ((0.5, 1150.0), (0.6, 99_999.0), (2.5, 1000.0), (2.6, 99_999.0))
+    for minute, value in told:
+        when = ago + timedelta(minutes=minute)
+        world.tell(Reading(MINI, "internal_pressure", value, when, when))
+
+    async def kept():
+        told = await ok(client.get(f"/api/robots/{MINI}/channels"))
+        return any(one["key"] == "internal_pressure" and one["samples"] == 4 for one in told)
+
+    await until(kept)
+    rule = NEW | {
+        "reads": "internal_pressure",
+        "limits": [{"level": "warning", "high": 1100.0}, {"level": "critical", "high": 9000.0}],
+        "modes": ["gliding"],
+    }
+    started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}))
+    fired = await fired_of(client, started)
+    assert {one["level"] for one in fired} == {"warning"}
+    spans = [
+        tuple((datetime.fromisoformat(one[end]) - ago) / timedelta(minutes=1)
+              for end in ("begin", "end"))
+        for one in fired
+    ]  # fmt: skip
+    assert spans == [(0.5, 1.0), (2.0, 2.5)]
 
 
 async def test_a_value_whose_past_is_not_kept_cannot_be_tried(client):
