@@ -20,10 +20,14 @@ class LeaseRow(Base):
     holder: Mapped[str | None]
     holder_kind: Mapped[str | None]
     holder_token: Mapped[str | None]
+    holder_system: Mapped[int | None]
+    """MAVLink system id of another ground station that holds it."""
     since: Mapped[datetime | None]
     reason: Mapped[str]
     """Why it came to be held as it is, one sentence."""
     requested_by: Mapped[str | None]
+    requested_system: Mapped[int | None]
+    """The same of one that asks for it."""
     requested_at: Mapped[datetime | None]
     request_note: Mapped[str]
     script: Mapped[str | None]

@@ -21,3 +21,6 @@ class LeaseConfig(Configuration):
     """A request that is not answered is granted by itself after so long, also while a page of
     whoever is in charge is open, if they did nothing since it was made: an open page is not a
     person."""
+    other_stations: bool = quantity(False, title="Other ground stations may take it")
+    """Another MAVLink ground station that asks for the robot by radio gets it at once while no
+    person is in charge; without this it is refused then. A person in charge is always asked."""

@@ -20,6 +20,7 @@ from robot_link.messages import (
     RobotId,
     Sample,
     StateReport,
+    SystemId,
     UploadReport,
 )
 
@@ -278,6 +279,30 @@ class Reading:
     received_at: datetime
 
 
+@dataclass(frozen=True, slots=True)
+class ControlReport:
+    """What a robot says of which ground station controls it by MAVLink."""
+
+    robot: RobotId
+    system: SystemId
+    """MAVLink system id of the ground station; 0 for none."""
+    is_takeover_allowed: bool
+    """Whether another one that asks will get it."""
+    received_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class ControlAsked:
+    """Another ground station asks for a robot, or asks for it no more; the robot passed it on."""
+
+    robot: RobotId
+    system: SystemId
+    is_request: bool
+    stands_s: float
+    """How long the request stands, s of the wall."""
+    received_at: datetime
+
+
 _Told = (
     StateReport
     | Sample
@@ -302,5 +327,7 @@ LinkEvent = (
     | CommandReport
     | UploadReport
     | LinkReport
+    | ControlReport
+    | ControlAsked
     | RawFrame
 )

@@ -12,7 +12,9 @@ from itertools import islice
 from onboard.link.channel_announcer import ChannelAnnouncer
 from onboard.link.command_desk import CommandDesk, CommandMemory
 from onboard.link.drive_desk import DriveDesk, driver_of
+from onboard.link.mission_server import Asker
 from onboard.link.newest_sender import NewestSender
+from onboard.link.operator_desk import OperatorDesk
 from onboard.link.plan_desk import PlanDesk, PlanOnBoard
 from onboard.link.plan_store import PlanStore, WaitingPlan
 from onboard.link.sample_sender import SampleSender
@@ -149,18 +151,24 @@ class RobotLink:
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
         self._commands = CommandDesk(self._plan, command_memory)
+        self._operators = OperatorDesk(
+            lambda: self.last_heard_station_s <= self._patience_s,
+            self._guests,
+            self._answer,
+            self._timing.heartbeat_s,
+        )
         self._services = ServiceDesk(
             system,
             clock,
             self._plan,
             self._drive,
+            self._operators,
             parameters=self.parameters,
             files=self.files,
             rules=waypoints,
             answer_s=self._timing.answer_s,
             master_s=self._patience_s,
             reply=self._answer,
-            station_heard_s=lambda: self.last_heard_station_s,
             channel_pages=self.channels.pages,
         )
         self._duplicates = DuplicateWatch()
@@ -238,6 +246,7 @@ class RobotLink:
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
                 ("mission", self._ask_again()),
+                ("operator control", self._operators.run()),
                 ("services", self._services.run(self._budget, self._send_service)),
             ):
                 group.create_task(work, name=f"system {self._system} {name}")
@@ -421,10 +430,9 @@ class RobotLink:
         if command is None:
             self._services.hear(message, address)
             return
-        is_master = message.get_srcSystem() == STATION_SYSTEM
-        is_free = self.last_heard_station_s > self._patience_s
         outcome = CommandOutcome.NOT_NOW
-        if is_master or is_free or command.kind is CommandKind.SURFACE:
+        is_up = command.kind is CommandKind.SURFACE
+        if is_up or not self._operators.refusal(SystemId(message.get_srcSystem())):
             outcome = self._commands.take(command, now_s)
         self._answer(
             address,
@@ -437,6 +445,9 @@ class RobotLink:
                 target_component=message.get_srcComponent(),
             ),
         )
+
+    def _guests(self) -> Mapping[Asker, Address]:
+        return self._services.guests()
 
     def _answer(self, address: Address | None, message: WireMessage) -> None:
         """Queue an answer to a radio, the station's where it is None; too many are dropped."""
@@ -480,7 +491,8 @@ class RobotLink:
             self._mode_changed.clear()
             heartbeat = robot_heartbeat(self._mode)
             await self._send(heartbeat, _ATTEMPTS)
-            for address in self._services.guests() if self._station is not None else ():
+            guests = self._services.guests().values() if self._station is not None else ()
+            for address in guests:
                 if address != self._station:
                     await self._send(heartbeat, 1, address)
             await set_or_after(self._mode_changed, self._timing.heartbeat_s)

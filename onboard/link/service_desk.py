@@ -9,6 +9,7 @@ from datetime import datetime
 from onboard.link.drive_desk import DRIVE, DriveDesk
 from onboard.link.file_server import FileServer
 from onboard.link.mission_server import Asker, MissionServer, MissionVerdict
+from onboard.link.operator_desk import OperatorDesk
 from onboard.link.parameter_server import ParameterServer
 from onboard.link.plan_desk import PlanDesk
 from onboard.link.standard_telemetry import (
@@ -38,7 +39,8 @@ from robot_link.transport.datagram import Address
 _ASKERS = 4
 _TICK_S = 0.02
 _NO_MESSAGE = -1
-_HELD_ELSEWHERE = "the robot's own station holds it"
+_ZERO_DEPTH = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+"""Parameters of MAV_CMD_PREFLIGHT_CALIBRATION that mean the pressure at the surface alone."""
 
 
 Send = Callable[[Address, WireMessage], Awaitable[None]]
@@ -67,21 +69,21 @@ class ServiceDesk:
     """Parameters, files, time, streams, standard missions and commands; on one event loop.
 
     Other makers' ground stations are served once they have shown themselves by a heartbeat. They
-    may read at any time; they may change something only while the robot's own station is not
-    heard, for a robot obeys one master.
+    may read at any time; they may change something only while they are in control of the robot, or
+    nobody is, for a robot obeys one master.
 
     Args:
         system: The robot's system id.
         clock: The robot's clock.
         plan: Its plan on board.
         drive: Who drives it by hand.
+        operators: Who is in control of it.
         parameters: Its parameters.
         files: Its files.
         rules: How it flies waypoints; without, other makers' ground stations are not served.
         answer_s: Time after which a question to a ground station is repeated.
         master_s: Silence after which a ground station counts as gone.
         reply: Called with each answer, which goes out before anything else.
-        station_heard_s: Returns how long the robot's own station has been silent.
         channel_pages: Returns the pages of the table of channels.
     """
 
@@ -91,6 +93,7 @@ class ServiceDesk:
         clock: Clock,
         plan: PlanDesk,
         drive: DriveDesk,
+        operators: OperatorDesk,
         *,
         parameters: ParameterTable,
         files: FileStore,
@@ -98,20 +101,19 @@ class ServiceDesk:
         answer_s: float,
         master_s: float,
         reply: Callable[[Address, WireMessage], None],
-        station_heard_s: Callable[[], float],
         channel_pages: Callable[[], Sequence[WireMessage]],
     ) -> None:
         self._system = system
         self._clock = clock
         self._plan = plan
         self._drive = drive
+        self._operators = operators
         self._parameters = parameters
         self._files = files
         self._rules = rules
         self._answer_s = answer_s
         self._master_s = master_s
         self._reply = reply
-        self._station_heard_s = station_heard_s
         self._channel_pages = channel_pages
         self._began_at: datetime = clock.now()
         self._askers: dict[tuple[SystemId, int], _AskerServices] = {}
@@ -120,14 +122,14 @@ class ServiceDesk:
         self.state: StateReport | None = None
         """What the robot last said of itself."""
 
-    def guests(self) -> list[Address]:
-        """Return the radios of other makers' ground stations that are heard."""
+    def guests(self) -> dict[Asker, Address]:
+        """Return the other makers' ground stations that are heard, with their radios."""
         now_s = monotonic_s()
-        return [
-            one.address
+        return {
+            one.asker: one.address
             for one in self._askers.values()
             if one.system != STATION_SYSTEM and self._is_heard(one, now_s)
-        ]
+        }
 
     def welcomes(self, message: WireMessage, address: Address) -> bool:
         """Tell whether another maker's ground station is served; its heartbeat introduces it."""
@@ -154,6 +156,10 @@ class ServiceDesk:
                     self._reply(address, answer)
             case grace.MAVLink_command_long_message():
                 self._command(one, message)
+            case grace.MAVLink_command_ack_message(
+                command=grace.MAV_CMD_REQUEST_OPERATOR_CONTROL
+            ) if one.system == STATION_SYSTEM:
+                self._operators.answered(message)
             case grace.MAVLink_command_int_message():
                 self._acknowledge(one, message.command, grace.MAV_RESULT_COMMAND_LONG_ONLY)
             case grace.MAVLink_file_transfer_protocol_message():
@@ -210,7 +216,7 @@ class ServiceDesk:
                 asker,
                 address,
                 now_s,
-                ParameterServer(self._parameters, lambda: self._write_refusal(asker)),
+                ParameterServer(self._parameters, lambda: self._operators.refusal(asker.system)),
                 FileServer(self._files),
                 MissionServer(
                     asker,
@@ -229,13 +235,8 @@ class ServiceDesk:
         for message in messages:
             self._reply(one.address, message)
 
-    def _write_refusal(self, asker: Asker) -> str:
-        is_own = asker.system == STATION_SYSTEM
-        is_free = self._station_heard_s() > self._master_s
-        return "" if is_own or is_free else _HELD_ELSEWHERE
-
     def _take_waypoints(self, asker: Asker, items: Sequence[StandardItem]) -> MissionVerdict:
-        if refusal := self._write_refusal(asker):
+        if refusal := self._operators.refusal(asker.system):
             return MissionVerdict(grace.MAV_MISSION_DENIED, refusal)
         if self._rules is None or self.state is None:
             reason = "the robot takes missions from its own station only"
@@ -278,9 +279,13 @@ class ServiceDesk:
             case grace.MAV_CMD_DO_PAUSE_CONTINUE:
                 kind = CommandKind.RESUME if message.param1 else CommandKind.HOLD
                 result = self._obey(one, kind)
+            case grace.MAV_CMD_REQUEST_OPERATOR_CONTROL:
+                result = self._operators.command(one.asker, message)
+            case grace.MAV_CMD_PREFLIGHT_CALIBRATION if _parameters(message) == _ZERO_DEPTH:
+                result = self._obey(one, CommandKind.ZERO_DEPTH)
             case command if command == DRIVE:
                 driver = (one.system, one.asker.component, one.address)
-                refusal = self._write_refusal(one.asker)
+                refusal = self._operators.refusal(one.system)
                 result = self._drive.command(message.param1, driver, refusal)
             case _:
                 result = grace.MAV_RESULT_UNSUPPORTED
@@ -316,7 +321,7 @@ class ServiceDesk:
 
     def _obey(self, one: _AskerServices, kind: CommandKind) -> int:
         """Act on a command that has no number: each kind means the same if heard twice."""
-        if self._write_refusal(one.asker):
+        if self._operators.refusal(one.system):
             return grace.MAV_RESULT_DENIED
         digits = ""
         if kind is CommandKind.START:
@@ -325,3 +330,7 @@ class ServiceDesk:
                 return grace.MAV_RESULT_TEMPORARILY_REJECTED
             digits = sha256[:PLAN_DIGITS]
         return result_of(self._plan.obey(kind, digits))
+
+
+def _parameters(message: grace.MAVLink_command_long_message) -> tuple[float, ...]:
+    return tuple(float(getattr(message, f"param{number}")) for number in range(1, 8))

@@ -19,6 +19,7 @@ from robot_link.messages import (
     PlanHash,
     RawFrame,
     RobotId,
+    SystemId,
     UploadReport,
 )
 from robot_link.mission import Mission
@@ -400,6 +401,27 @@ class StationLink:
         services = self._roster[robot].services
         services.check_live()
         return services.drive
+
+    def give_control(self, robot: RobotId, system: SystemId, *, allows_takeover: bool) -> None:
+        """Tell one of our robots which ground station is to be in control of it.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        self._roster[robot].services.control.give(system, allows_takeover=allows_takeover)
+
+    def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
+        """Answer another ground station's request, which a robot passed on.
+
+        Args:
+            robot: Whom it asks for.
+            system: Who asks.
+            is_heard: It is heard and waits for a decision; else it is refused.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        self._roster[robot].services.control.answer(system, is_heard=is_heard)
 
     def services(self, robot: RobotId) -> RobotServices:
         """Return the clients of a robot: standard missions and commands for other makers' ones.

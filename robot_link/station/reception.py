@@ -8,6 +8,7 @@ from robot_link.channel_table import ChannelPage
 from robot_link.clock import Clock
 from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.decode import Value, decoded, robot_time
+from robot_link.mavlink.operator_control import told
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     OnboardPlanState,
@@ -20,6 +21,8 @@ from robot_link.messages import (
 )
 from robot_link.report import (
     ActuatorReport,
+    ControlAsked,
+    ControlReport,
     CurrentReport,
     Detection,
     LinkEvent,
@@ -121,6 +124,8 @@ class Reception:
 
     def _interpret(self, sender: Member, message: WireMessage, value: Value, at: datetime) -> None:
         sender.services.hear(message)
+        if (control := _of_control(message, sender, at)) is not None:
+            self._on_event(control)
         match message:
             case grace.MAVLink_command_ack_message():
                 sender.lane.answered(message)
@@ -174,5 +179,15 @@ def _read(message: WireMessage, sender: Member, at: datetime) -> tuple[WireMessa
         return message, None
     try:
         return message, decoded(message, sender.robot, at)
+    except ValueError:
+        return None
+
+
+def _of_control(
+    message: WireMessage, sender: Member, at: datetime
+) -> ControlReport | ControlAsked | None:
+    """Return what a robot says of who controls it; ``None`` for anything else, and for nonsense."""
+    try:
+        return told(message, sender.robot, at)
     except ValueError:
         return None

@@ -12,6 +12,7 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState, SystemId
 from robot_link.service.clock_sync import ClockWatch
 from robot_link.station.command_client import CommandClient, StandardCommand
+from robot_link.station.control_speaker import ControlSpeaker
 from robot_link.station.drive_client import DriveClient
 from robot_link.station.error import NoAnswerError, OutOfContactError
 from robot_link.station.exchange import Patience
@@ -85,6 +86,8 @@ class RobotServices:
         """Standard commands: orders to vehicles of other makers, and driving by hand."""
         self.drive = DriveClient(peer, self.commands, has_throttle=is_standard)
         """Driving by hand."""
+        self.control = ControlSpeaker(peer)
+        """Who is to be in control of it."""
         self.clock = ClockWatch(peer, peer.clock, patience=patience)
         self.metadata = MetadataClient(peer, self.files, patience=patience)
         """What a vehicle says of its own parameters."""
@@ -109,10 +112,11 @@ class RobotServices:
             self._clients[name].hear(message)
 
     async def run(self) -> None:
-        """Compare the clocks now and then, and ask for missing pages, until cancelled."""
+        """Compare clocks, ask for missing pages, tell who is in control, until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._compare_clocks(), name=f"{self._peer.robot} clock")
             group.create_task(self.tables.run(), name=f"{self._peer.robot} channels")
+            group.create_task(self.control.run(), name=f"{self._peer.robot} control")
 
     async def _compare_clocks(self) -> None:
         """Compare the clocks now and then while the robot is in contact."""

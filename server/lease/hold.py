@@ -30,6 +30,8 @@ class HoldView(View):
     reason: str = ""
     text: str = ""
     """It in one sentence; empty while it is not held."""
+    refusal: str = ""
+    """Why who asks cannot let it go on, one sentence; empty where they can."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,7 +103,9 @@ class Leases:
 
     def silent_s(self, lease: LeaseRecord) -> float:
         """Return for how long nothing was seen of who holds a lease, s of the wall."""
-        return 0.0 if lease.holder is None else self._presence.silent_s(_who(lease))
+        if lease.holder is None or lease.holder_kind == "station":
+            return 0.0
+        return self._presence.silent_s(_who(lease))
 
     async def limits(self, robot: str) -> LeaseConfig:
         """Return after how long others need not wait for who is in charge of a robot."""
@@ -190,13 +192,14 @@ class Leases:
         holder = await self.holder(ask.caller)
         for robot, lease in sorted(self._leases.items()):
             reason = self.refusal(lease, holder, await self.limits(robot))
-            if reason and lease.holder_kind == "person" and self._can_be_led(robot):
+            if reason and lease.holder_kind != "script" and self._can_be_led(robot):
                 raise conflict(f"This reaches every robot. {reason}")
 
     async def take(self, robot: str, caller: Caller, reason: str) -> LeaseRecord:
         """Put somebody in charge of a robot that nobody holds, or who holds it is silent.
 
-        A person takes over from a script at any time, an administrator from anybody with a reason.
+        A person takes over from a script and from another ground station at any time, an
+        administrator from anybody with a reason.
 
         Raises:
             Problem: 404 for an unknown robot; 409 if somebody is in charge who is there.
@@ -208,7 +211,7 @@ class Leases:
         def step(session: Session, before: LeaseRecord) -> None:
             if holder.holds(before):
                 return
-            is_open = not self.refusal(before, holder, limits)
+            is_open = not self.refusal(before, holder, limits) or _yields(before, holder)
             if not (is_open or self._has_left(session, before, limits) or (overrules and reason)):
                 raise conflict(_must_ask(before, holder, overrules=overrules))
             text = in_charge(holder, robot, reason and f"“{reason}”")
@@ -229,13 +232,16 @@ class Leases:
         def step(session: Session, before: LeaseRecord) -> None:
             if holder.holds(before):
                 raise conflict(f"{holder.name} is in charge of {robot} already.")
-            if not self.refusal(before, holder, limits):
+            if not self.refusal(before, holder, limits) or _yields(before, holder):
                 text = in_charge(holder, robot, "as they asked")
                 self._put_in_charge(session, before, holder, text, note)
                 return
-            if before.requested_by == holder.name:
+            if before.requested_system is not None:  # people of the station are heard first
+                text = f"{before.requested_by} asks for {robot} no more: {holder.name} does."
+                self._apply(session, robot, LeaseEvidence.EXPIRED, text)
+            elif before.requested_by == holder.name:
                 return
-            if before.requested_by is not None:
+            elif before.requested_by is not None:
                 raise conflict(f"{before.requested_by} asked for {robot} already; wait for that.")
             text = f"{holder.name} asks {before.holder} for {robot}{_quoted(note)}."
             self._apply(session, robot, LeaseEvidence.REQUESTED, text, holder, note)
@@ -277,7 +283,7 @@ class Leases:
         """
 
         def step(session: Session, before: LeaseRecord) -> None:
-            if before.requested_by != caller.name:
+            if before.requested_by != caller.name or before.requested_system is not None:
                 raise conflict(f"{caller.name} does not ask for {robot}.")
             text = f"{caller.name} asks for {robot} no more."
             self._apply(session, robot, LeaseEvidence.WITHDRAWN, text)
@@ -398,8 +404,9 @@ class Leases:
         """Return when a request is granted by itself, s of the wall; ``None`` without one.
 
         Once who is in charge is silent, or has neither answered nor done anything else for long.
+        What another ground station asks is never granted by itself.
         """
-        if lease.requested_at is None:
+        if lease.requested_at is None or lease.requested_system is not None:
             return None
         asked_s = (self._clock.now() - lease.requested_at).total_seconds() / self._clock.speed
         unanswered_s = min(max(0.0, asked_s), self._presence.idle_s(_who(lease)))
@@ -409,6 +416,8 @@ class Leases:
 
     def _silent_in_s(self, lease: LeaseRecord, limits: LeaseConfig) -> float | None:
         """Return when who is in charge counts as silent, ``None`` while a page is open."""
+        if lease.holder_kind == "station":
+            return None
         if self._presence.is_open(_who(lease)):
             return None
         return limits.silent_s - self.silent_s(lease)
@@ -498,6 +507,11 @@ def _acts_under(lease: LeaseRecord, holder: Holder) -> bool:
     """Tell whether somebody holds a lease, or is the script that its holder lets act."""
     is_let = holder.token is not None and lease.script_token == holder.token
     return is_let or holder.holds(lease)
+
+
+def _yields(lease: LeaseRecord, holder: Holder) -> bool:
+    """Tell whether another ground station holds a lease, from which a person takes it back."""
+    return lease.holder_kind == "station" and holder.kind == "person"
 
 
 def _may_pilot(session: Session, name: str, robot: str) -> bool:

@@ -1,5 +1,6 @@
 """Who is in charge of each robot, and the switch that holds automation."""
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends
@@ -14,6 +15,8 @@ from server.base.problem import FieldError, Problem, unprocessable
 from server.base.text import NAME_LENGTH_MAX, Name, checked
 from server.base.view import Body
 from server.fleet.dependency import FleetDep
+from server.fleet.fleet import Fleet
+from server.lease.ground_station import GroundStations
 from server.lease.hold import AutomationHold, HoldView
 from server.lease.leases import Leases
 from server.lease.view import LeaseView, lease_view
@@ -21,6 +24,7 @@ from server.lease.view import LeaseView, lease_view
 router = APIRouter(prefix="/api", tags=["pilot in charge"])
 
 LeasesDep = Annotated[Leases, Depends(service(Leases))]
+StationsDep = Annotated[GroundStations, Depends(service(GroundStations))]
 HoldDep = Annotated[AutomationHold, Depends(service(AutomationHold))]
 Note = Annotated[str, Field(max_length=300), AfterValidator(checked)]
 
@@ -53,10 +57,12 @@ class HoldBody(Body):
 
 
 @router.get("/leases")
-async def list_leases(caller: Viewer, leases: LeasesDep, fleet: FleetDep) -> list[LeaseView]:
+async def list_leases(
+    caller: Viewer, leases: LeasesDep, stations: StationsDep, fleet: FleetDep
+) -> list[LeaseView]:
     """Return who is in charge of each robot, in the order of the fleet."""
     return [
-        await _view(leases, caller, leases.of(status.record.id))
+        await _view(leases, stations, caller, leases.of(status.record.id))
         for status in fleet.statuses
         if status.record.system_id is not None
         and not status.is_retired
@@ -65,20 +71,24 @@ async def list_leases(caller: Viewer, leases: LeasesDep, fleet: FleetDep) -> lis
 
 
 @router.post("/leases/release")
-async def release_leases(caller: Pilot, leases: LeasesDep) -> list[LeaseView]:
+async def release_leases(
+    caller: Pilot, leases: LeasesDep, stations: StationsDep
+) -> list[LeaseView]:
     """Give back every robot that the caller is in charge of: the end of a shift."""
-    return [await _view(leases, caller, one) for one in await leases.release_all(caller)]
+    return [await _view(leases, stations, caller, one) for one in await leases.release_all(caller)]
 
 
 @router.get("/robots/{robot}/lease")
-async def get_lease(caller: Viewer, robot: str, leases: LeasesDep) -> LeaseView:
+async def get_lease(
+    caller: Viewer, robot: str, leases: LeasesDep, stations: StationsDep
+) -> LeaseView:
     """Return who is in charge of a robot, who asks for it, and what the caller can do."""
-    return await _view(leases, caller, leases.of(robot))
+    return await _view(leases, stations, caller, leases.of(robot))
 
 
 @router.post("/robots/{robot}/lease")
 async def change_lease(
-    caller: Pilot, robot: str, body: LeaseChange, leases: LeasesDep
+    caller: Pilot, robot: str, body: LeaseChange, leases: LeasesDep, stations: StationsDep
 ) -> LeaseView:
     """Take, request, grant, refuse, hand over or release a robot; 409 says why that cannot be.
 
@@ -99,22 +109,21 @@ async def change_lease(
             lease = await leases.hand_over(robot, caller, _to(body), body.note)
         case "release":
             lease = await leases.release(robot, caller)
-    return await _view(leases, caller, lease)
+    return await _view(leases, stations, caller, lease)
 
 
 @router.put("/robots/{robot}/lease/script")
 async def let_script_act(
-    caller: Pilot, robot: str, body: ScriptLeave, leases: LeasesDep
+    caller: Pilot, robot: str, body: ScriptLeave, leases: LeasesDep, stations: StationsDep
 ) -> LeaseView:
     """Let a script act while the caller is in charge; that ends with it."""
-    return await _view(leases, caller, await leases.let_script(robot, caller, body.token))
+    return await _view(leases, stations, caller, await leases.let_script(robot, caller, body.token))
 
 
 @router.get("/automation")
-async def get_automation(caller: Viewer, hold: HoldDep) -> HoldView:
+async def get_automation(caller: Viewer, hold: HoldDep, fleet: FleetDep) -> HoldView:
     """Return whether automation is held: every script, and everything that sends by itself."""
-    del caller
-    return hold.view
+    return replace(hold.view, refusal=_refusal_to_resume(caller, fleet))
 
 
 @router.put("/automation")
@@ -127,22 +136,39 @@ async def hold_automation(
     wait to be sent, rounds of surveys and suggestions wait. A script may hold it, but not let it
     go on. Who pilots any robot may hold it; who pilots all of them may let it go on.
     """
-    robots = [status.record.id for status in fleet.statuses]
-    piloted = [robot for robot in robots if caller.rights.may(Right.PILOT, robot)]
-    is_of_all = caller.rights.may(Right.PILOT)
-    if not piloted and not is_of_all:
+    if not any(_piloted(caller, fleet)) and not caller.rights.may(Right.PILOT):
         raise Problem(403, f"{caller.name} pilots no robot and may not do this.")
+    refusal = _refusal_to_resume(caller, fleet)
     if not body.is_held:
         hold.refuse(caller)
-        if not is_of_all and piloted != robots:
-            detail = f"{caller.name} pilots chosen robots; this lets all of them go on."
-            raise Problem(403, detail)
-    return await hold.set(held=body.is_held, by=caller.name, reason=body.reason)
+        if refusal:
+            raise Problem(403, refusal)
+    held = await hold.set(held=body.is_held, by=caller.name, reason=body.reason)
+    return replace(held, refusal=refusal)
 
 
-async def _view(leases: Leases, caller: Caller, lease: LeaseRecord) -> LeaseView:
+def _piloted(caller: Caller, fleet: Fleet) -> list[bool]:
+    """Return of each robot whether somebody pilots it."""
+    return [caller.rights.may(Right.PILOT, status.record.id) for status in fleet.statuses]
+
+
+def _refusal_to_resume(caller: Caller, fleet: Fleet) -> str:
+    """Return why somebody cannot let the automation of all robots go on, "" if they can."""
+    if caller.rights.may(Right.PILOT):
+        return ""
+    piloted = _piloted(caller, fleet)
+    if not any(piloted):
+        return f"{caller.name} pilots no robot and may not do this."
+    if not all(piloted):
+        return f"{caller.name} pilots chosen robots; this lets all of them go on."
+    return ""
+
+
+async def _view(
+    leases: Leases, stations: GroundStations, caller: Caller, lease: LeaseRecord
+) -> LeaseView:
     limits, me = await leases.limits(lease.robot), await leases.holder(caller)
-    return lease_view(leases, lease, limits, me)
+    return lease_view(leases, stations, lease, limits, me)
 
 
 def _to(body: LeaseChange) -> str:

@@ -10,6 +10,7 @@ requested        granted         held       lease.granted
 requested        timed_out       held       lease.timed_out
 requested        refused         held       lease.refused
 requested        withdrawn       held       lease.withdrawn
+requested        expired         held       lease.expired
 held, requested  handed_over     held       lease.handed_over
 held             released        free       lease.released
 requested        released        held       lease.granted
@@ -49,6 +50,8 @@ class LeaseEvidence(StrEnum):
     """A request that nobody answered is granted by itself."""
     REFUSED = "refused"
     WITHDRAWN = "withdrawn"
+    EXPIRED = "expired"
+    """What another ground station asked was answered by nobody while it stood."""
     HANDED_OVER = "handed_over"
     RELEASED = "released"
     SCRIPT_LET = "script_let"
@@ -62,12 +65,19 @@ _LEVELS = {LeaseEvidence.TAKEN_OVER: "watch", LeaseEvidence.TIMED_OUT: "watch"}
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """A person or a script."""
+    """A person, a script, or another ground station on the MAVLink side."""
 
     name: str
-    kind: Literal["person", "script"] = "person"
+    kind: Literal["person", "script", "station"] = "person"
     token: str | None = None
     """Id of a script's bearer token."""
+    system: int | None = None
+    """MAVLink system id of another ground station."""
+
+    @classmethod
+    def station(cls, system: int) -> "Holder":
+        """Return another ground station."""
+        return cls(f"ground station {system}", "station", system=system)
 
     def holds(self, lease: LeaseRecord) -> bool:
         """Tell whether a lease is theirs; a script is known by its name, with a new token too."""
@@ -146,22 +156,35 @@ def _moved(
     """Return what a lease becomes."""
     robot = before.robot
     if evidence in _TO_REQUESTER and before.requested_by is not None:
-        to = Holder(before.requested_by)
+        system = before.requested_system
+        to = Holder(before.requested_by) if system is None else Holder.station(system)
     match evidence:
         case LeaseEvidence.SCRIPT_LET if to is not None:
             return replace(before, script=to.name, script_token=to.token)
         case LeaseEvidence.SCRIPT_STOPPED:
             return replace(before, script=None, script_token=None)
         case LeaseEvidence.REQUESTED if to is not None:
-            asked = {"requested_by": to.name, "requested_at": at, "request_note": note}
-            return replace(before, state=state, **asked)
-        case LeaseEvidence.REFUSED | LeaseEvidence.WITHDRAWN:
-            unasked = {"requested_by": None, "requested_at": None, "request_note": ""}
-            return replace(before, state=state, **unasked)
+            return replace(
+                before,
+                state=state,
+                requested_by=to.name,
+                requested_system=to.system,
+                requested_at=at,
+                request_note=note,
+            )
+        case LeaseEvidence.REFUSED | LeaseEvidence.WITHDRAWN | LeaseEvidence.EXPIRED:
+            return replace(
+                before,
+                state=state,
+                requested_by=None,
+                requested_system=None,
+                requested_at=None,
+                request_note="",
+            )
         case LeaseEvidence.RELEASED if to is None:
             return LeaseRecord(robot, state, reason=text)
         case _ if to is not None:
-            return LeaseRecord(robot, state, to.name, to.kind, to.token, at, text)
+            return LeaseRecord(robot, state, to.name, to.kind, to.token, to.system, at, text)
         case _:
             raise ValueError(f"{evidence} needs somebody")
 

@@ -9,6 +9,7 @@ from db.record import same
 from robot_link.clock import monotonic_s
 from robot_link.lease_config import LeaseConfig
 from server.base.view import View, one_of
+from server.lease.ground_station import GroundStations
 from server.lease.leases import Leases
 from server.lease.state import Holder
 
@@ -20,8 +21,11 @@ class LeaseRequestView(View):
     by: str
     at: datetime
     note: str
-    granted_in_s: float
-    """When it is granted by itself unless somebody answers, s of the wall from now."""
+    granted_in_s: float | None
+    """When it is granted by itself unless somebody answers, s of the wall from now; ``null`` for
+    another ground station, to which nothing is granted by itself."""
+    ends_in_s: float | None
+    """When what another ground station asks is refused by itself unless somebody answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,8 @@ class LeaseView(View):
     state: Annotated[str, one_of("free", "held", "requested")]
     holder: str
     """Empty while nobody is in charge."""
-    holder_kind: Annotated[str, one_of("person", "script", "")]
+    holder_kind: Annotated[str, one_of("person", "script", "station", "")]
+    """``station`` is another ground station on the MAVLink side."""
     is_mine: bool
     """Whether it is who asks."""
     since: datetime | None
@@ -57,11 +62,20 @@ class LeaseView(View):
     script: str
     """The script that may act too; empty for none."""
     asking: ScriptAskView | None
+    by_radio: str
+    """Whom the robot itself obeys by its last word, which other ground stations see too; one
+    sentence, empty for a robot without a radio."""
     refusal: str
     """Why who asks can send the robot nothing now, one sentence; empty where they can."""
 
 
-def lease_view(leases: Leases, lease: LeaseRecord, limits: LeaseConfig, me: Holder) -> LeaseView:
+def lease_view(
+    leases: Leases,
+    stations: GroundStations,
+    lease: LeaseRecord,
+    limits: LeaseConfig,
+    me: Holder,
+) -> LeaseView:
     """Return a lease as somebody sees it."""
     silent_s = leases.silent_s(lease)
     return same(
@@ -72,21 +86,25 @@ def lease_view(leases: Leases, lease: LeaseRecord, limits: LeaseConfig, me: Hold
         is_mine=me.holds(lease),
         silent_s=silent_s,
         is_silent=lease.holder is not None and silent_s >= limits.silent_s,
-        request=_request_view(leases, lease, limits),
+        request=_request_view(leases, stations, lease, limits),
         script=lease.script or "",
         asking=_asking_view(leases, lease.robot),
+        by_radio=stations.by_radio(lease.robot),
         refusal=leases.refusal(lease, me, limits),
     )
 
 
 def _request_view(
-    leases: Leases, lease: LeaseRecord, limits: LeaseConfig
+    leases: Leases, stations: GroundStations, lease: LeaseRecord, limits: LeaseConfig
 ) -> LeaseRequestView | None:
-    granted_in_s = leases.granted_in_s(lease, limits)
-    if lease.requested_by is None or lease.requested_at is None or granted_in_s is None:
+    if lease.requested_by is None or lease.requested_at is None:
         return None
     return LeaseRequestView(
-        lease.requested_by, lease.requested_at, lease.request_note, granted_in_s
+        by=lease.requested_by,
+        at=lease.requested_at,
+        note=lease.request_note,
+        granted_in_s=leases.granted_in_s(lease, limits),
+        ends_in_s=stations.ends_in_s(lease),
     )
 
 

@@ -15,7 +15,14 @@ from robot_link.messages import (
     StateReport,
     UploadReport,
 )
-from robot_link.report import Detection, Reading, ReceiverReport, TargetReport
+from robot_link.report import (
+    ControlAsked,
+    ControlReport,
+    Detection,
+    Reading,
+    ReceiverReport,
+    TargetReport,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +110,20 @@ class CommandReported:
     """A link or a robot proved a level of a command."""
 
     report: CommandReport
+
+
+@dataclass(frozen=True, slots=True)
+class ControlReported:
+    """A robot said which ground station controls it by MAVLink."""
+
+    report: ControlReport
+
+
+@dataclass(frozen=True, slots=True)
+class ControlRequested:
+    """Another ground station asks for a robot, or no more; the robot passed it on."""
+
+    asked: ControlAsked
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,8 @@ from robot_link.messages import (
 )
 from robot_link.report import (
     ActuatorReport,
+    ControlAsked,
+    ControlReport,
     CurrentReport,
     Detection,
     LinkEvent,
@@ -65,6 +67,8 @@ from server.fleet.words import level_of, mode_text
 from server.link.channel_tables import ChannelTables
 from server.link.event import (
     CommandReported,
+    ControlReported,
+    ControlRequested,
     DetectionsStored,
     PlanQueueReported,
     PlanReported,
@@ -185,6 +189,10 @@ class Ingest:
                 self._bus.publish(UploadReported(event))
             case CommandReport():
                 self._bus.publish(CommandReported(event))
+            case ControlReport():
+                self._bus.publish(ControlReported(event))
+            case ControlAsked():
+                self._bus.publish(ControlRequested(event))
 
     async def store(self, events: Sequence[LinkEvent]) -> None:
         """Take what may have been long on its way; return once everything is committed.

@@ -19,6 +19,7 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
     RobotId,
+    SystemId,
     UploadReport,
 )
 from robot_link.mission import Mission
@@ -62,6 +63,14 @@ class Link(Radio, ParameterRadio, FileRadio, WaypointRadio, Protocol):
 
     def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         """Tell a robot that these samples are stored."""
+        ...
+
+    def give_control(self, robot: RobotId, system: SystemId, *, allows_takeover: bool) -> None:
+        """Tell a robot which ground station is to be in control of it."""
+        ...
+
+    def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
+        """Answer another ground station's request, which a robot passed on."""
         ...
 
     async def run(self) -> None:
@@ -216,6 +225,20 @@ class Radios:
                 sequences[sample.robot, sample.log].append(sample.sequence)
         for (robot, sample_log), numbers in sequences.items():
             self._link.acknowledge_samples(robot, sample_log, numbers)
+
+    def give_control(self, robot: RobotId, system: SystemId, *, allows_takeover: bool) -> None:
+        """Tell one of our robots which ground station is to be in control; see ``StationLink``."""
+        if self._speaks_control(robot):
+            self._link.give_control(robot, system, allows_takeover=allows_takeover)
+
+    def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
+        """Answer another ground station's request; see ``StationLink``."""
+        if self._speaks_control(robot):
+            self._link.answer_control(robot, system, is_heard=is_heard)
+
+    def _speaks_control(self, robot: RobotId) -> bool:
+        endpoint = self._robots.get(robot)
+        return endpoint is not None and endpoint.standard is None
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
         """Return every parameter of a robot; see ``StationLink``."""

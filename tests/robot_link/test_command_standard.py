@@ -3,11 +3,12 @@
 import asyncio
 import random
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
 import pytest
 
+from onboard.link.operator_desk import OperatorDesk
 from onboard.link.plan_desk import PlanDesk
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import RobotLink
@@ -37,8 +38,9 @@ from tests.robot_link.service_pair import HASTY, ROBOT, Wire
 HOLD = StandardCommand(grace.MAV_CMD_DO_PAUSE_CONTINUE)
 REBOOT = StandardCommand(grace.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (1.0,))
 RULES = WaypointRules(origin_latitude_deg=43.0, origin_longitude_deg=-84.0)
-GUEST = SystemId(245)
+GUEST, OTHER = SystemId(245), SystemId(246)
 OUR_RADIO, GUESTS_RADIO, ROBOTS_RADIO = Address(0xA1), Address(0xA2), Address(0xA3)
+OTHERS_RADIO = Address(0xA4)
 GCS = grace.MAVLink_heartbeat_message(grace.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
 
 
@@ -130,6 +132,7 @@ class Scene:
     program: Program
     ours: GroundStation
     guest: GroundStation
+    other: GroundStation
 
 
 @asynccontextmanager
@@ -152,15 +155,17 @@ async def scene(rules: WaypointRules | None = RULES) -> AsyncIterator[Scene]:
     def station(system: SystemId, address: Address) -> GroundStation:
         return GroundStation(air, Codec(system, STATION_COMPONENT), air.robot_radio(address))
 
-    ours, guest = station(STATION_SYSTEM, OUR_RADIO), station(GUEST, GUESTS_RADIO)
-    async with (
-        running(ours.radio.run),
-        running(guest.radio.run),
-        running(ours.listen),
-        running(guest.listen),
-        running(link.run),
-    ):
-        yield Scene(link, program, ours, guest)
+    stations = (
+        station(STATION_SYSTEM, OUR_RADIO),
+        station(GUEST, GUESTS_RADIO),
+        station(OTHER, OTHERS_RADIO),
+    )
+    async with AsyncExitStack() as stack:
+        for one in stations:
+            await stack.enter_async_context(running(one.radio.run))
+            await stack.enter_async_context(running(one.listen))
+        await stack.enter_async_context(running(link.run))
+        yield Scene(link, program, *stations)
 
 
 def command(code: int, *parameters: float) -> WireMessage:
@@ -265,13 +270,13 @@ async def test_a_ground_station_that_makes_room_for_another_ends_nobodys_service
         clock,
         program,
         plan,
+        OperatorDesk(lambda: False, dict, lambda _address, _message: None, 1.0),
         parameters=ParameterTable([Parameter("GAIN", ParameterType.REAL32, 1.0, 0.0, 2.0)]),
         files=NoFiles(),
         rules=None,
         answer_s=HASTE.answer_s,
         master_s=0.05,
         reply=lambda _address, _message: None,
-        station_heard_s=lambda: float("inf"),
         channel_pages=list,
     )
     wish = grace.MAVLink_param_request_list_message(ROBOT, 1)

@@ -32,6 +32,7 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
+    SystemId,
     UploadReport,
 )
 from robot_link.mission import Mission
@@ -374,6 +375,12 @@ class FakeLink:
     def level(self, robot: RobotId, number: CommandNumber, level: CommandLevel) -> None:
         self.on_event(CommandReport(robot, number, level, _now(), "xbee"))
 
+    def give_control(self, robot: RobotId, system: SystemId, *, allows_takeover: bool) -> None:
+        self.world.controls.append((robot, system, allows_takeover))
+
+    def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
+        self.world.control_answers.append((robot, system, is_heard))
+
     def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         self.world.acknowledged += [(robot, log, number) for number in sequences]
 
@@ -387,6 +394,9 @@ class World:
     def __init__(self) -> None:
         self.robots: dict[RobotId, FakeRobot] = {}
         self.uploads: list[tuple[RobotId, PlanHash]] = []
+        self.controls: list[tuple[RobotId, SystemId, bool]] = []
+        """Who is to be in control of each robot, and whether another may take it."""
+        self.control_answers: list[tuple[RobotId, SystemId, bool]] = []
         self.cancelled_uploads: list[tuple[RobotId, str]] = []
         self.commands: list[tuple[RobotId, CommandKind, CommandNumber]] = []
         self.acknowledged: list[tuple[RobotId, LogId, int]] = []

@@ -22,12 +22,16 @@ class LeaseRecord:
     """``free``, ``held`` or ``requested``."""
     holder: str | None = None
     holder_kind: str | None = None
-    """``person`` or ``script``."""
+    """``person``, ``script`` or ``station``: another ground station."""
     holder_token: str | None = None
     """Id of a script's bearer token."""
+    holder_system: int | None = None
+    """MAVLink system id of another ground station."""
     since: datetime | None = None
     reason: str = ""
     requested_by: str | None = None
+    requested_system: int | None = None
+    """Where another ground station asks."""
     requested_at: datetime | None = None
     request_note: str = ""
     script: str | None = None

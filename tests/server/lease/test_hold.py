@@ -43,7 +43,15 @@ async def test_who_pilots_one_robot_may_hold_automation_but_not_let_it_go_on_for
     assert refused.status_code == 403
     assert "all of them" in refused.json()["detail"]
     assert (await ann.get("/api/automation")).json()["is_held"] is True
-    assert (await hold(ann, is_held=False)).status_code == 200
+    told = (await ben.get("/api/automation")).json()["refusal"]
+    assert told == refused.json()["detail"], "the app disables the button with the same reason"
+    assert (await ann.get("/api/automation")).json()["refusal"] == ""
+    await let_pilot(station, "ben", MINI, GRACE)
+    assert (await ben.get("/api/automation")).json()["refusal"] == ""
+    assert (await hold(ben, is_held=False)).status_code == 200
+    eye = await person("eye", Role.VIEWER)
+    assert "pilots no robot" in (await eye.get("/api/automation")).json()["refusal"]
+    assert (await hold(eye)).status_code == 403
 
 
 CHANGES = [

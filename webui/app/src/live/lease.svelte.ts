@@ -64,6 +64,17 @@ export function chargeText(lease: ToldLease | null, localNow: number): string {
   return silent < 60 ? `${who} is in charge` : `${who} is in charge, silent for ${minutes(silent)}`;
 }
 
+/** What becomes of a request that nobody answers; empty without one. */
+export function unansweredText(lease: ToldLease, localNow: number): string {
+  const { granted_in_s = null, ends_in_s = null } = lease.request ?? {};
+  const passed = Math.max(0, localNow - lease.receivedAt) / 1000;
+  if (granted_in_s !== null)
+    return `Granted by itself in ${minutes(Math.max(0, granted_in_s - passed))} without an answer.`;
+  if (ends_in_s !== null)
+    return `Refused by itself in ${Math.max(0, Math.round(ends_in_s - passed))} s without an answer.`;
+  return '';
+}
+
 export function minutes(seconds: number): string {
   const whole = Math.floor(seconds / 60);
   return whole < 1

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { chargeText, minutes, silentNow, type ToldLease } from './lease.svelte';
+import { chargeText, minutes, silentNow, unansweredText, type ToldLease } from './lease.svelte';
 
 const HELD: ToldLease = {
   robot: 'mini-1',
@@ -14,6 +14,7 @@ const HELD: ToldLease = {
   request: null,
   script: '',
   asking: null,
+  by_radio: '',
   refusal: 'ann is in charge of mini-1; request it from them first.',
   receivedAt: 1000,
 };
@@ -32,6 +33,16 @@ describe('who is in charge', () => {
     expect(silentNow(silent, 41_000)).toBe(240);
     expect(chargeText(silent, 41_000)).toBe('ann is in charge, silent for 4 min');
     expect(silentNow(HELD, 900_000)).toBe(0);
+  });
+
+  it('says what becomes of a request that nobody answers', () => {
+    expect(unansweredText(HELD, 1000)).toBe('');
+    const asked = { by: 'ben', at: '2026-05-04T06:00:00Z', note: '' };
+    const byPerson = { ...HELD, request: { ...asked, granted_in_s: 600, ends_in_s: null } };
+    expect(unansweredText(byPerson, 121_000)).toBe('Granted by itself in 8 min without an answer.');
+    const byStation = { ...HELD, request: { ...asked, granted_in_s: null, ends_in_s: 30 } };
+    expect(unansweredText(byStation, 11_000)).toBe('Refused by itself in 20 s without an answer.');
+    expect(unansweredText(byStation, 90_000)).toBe('Refused by itself in 0 s without an answer.');
   });
 
   it('rounds a time down to what has passed', () => {

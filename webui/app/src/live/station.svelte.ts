@@ -22,6 +22,7 @@ import { takenFromAddress } from './address_word';
 import { Fetched } from './fetched.svelte';
 import { LastContact } from './last_contact';
 import { Leases } from './lease.svelte';
+import { isAtLeast, pilotsAny, roleFor, whyNotPilot } from './right';
 import { LiveSocket } from './socket';
 
 const KEPT_EVENTS = 400;
@@ -120,16 +121,28 @@ export class Station {
   readonly isSilent = $derived(this.silence !== null && !this.isLive);
   /** Station time, ms since 1970. */
   readonly now = $derived(this.clock.at(this.localNow));
-  /** Whether somebody may command any robot; the station refuses others by itself. */
-  readonly mayCommand = $derived.by(() => {
-    const roles = [this.session?.role, ...Object.values(this.session?.robots ?? {})];
-    return roles.includes('pilot') || roles.includes('admin');
-  });
+  /** Whether somebody may pilot any robot at all; the station refuses others by itself. */
+  readonly mayPilotAny = $derived.by(() => pilotsAny(this.session));
+
+  /** Whether this person may pilot a robot; without one, the station as a whole. */
+  mayPilot(robot: string | null): boolean {
+    return isAtLeast(roleFor(this.session, robot), 'pilot');
+  }
+
+  /** Whether this person may administer a robot; without one, the station as a whole. */
+  mayAdminister(robot: string | null): boolean {
+    return isAtLeast(roleFor(this.session, robot), 'admin');
+  }
+
+  /** Why this person may not pilot a robot, or the whole station, one sentence; else empty. */
+  whyNotPilot(robot: string | null): string {
+    const name = robot === null ? null : (this.robot(robot)?.name ?? robot);
+    return whyNotPilot(this.session, robot, name);
+  }
 
   /** Why this person can send a robot nothing now, one sentence; empty where they can. */
   whyNotSend(robot: string): string {
-    if (!this.mayCommand) return 'Sending needs the role of a pilot.';
-    return this.leases.of(robot)?.refusal ?? '';
+    return this.whyNotPilot(robot) || (this.leases.of(robot)?.refusal ?? '');
   }
 
   /** Ask who is signed in and, when someone is, start the live stream. */
