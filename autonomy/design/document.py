@@ -122,6 +122,7 @@ class Way(Configuration):
     """Waypoints, one after the other."""
 
     kind: Literal["waypoints"] = "waypoints"
+    """Names the kind of this document."""
     waypoints: Annotated[tuple[Waypoint, ...], Field(max_length=WAYPOINTS_MAX)] = ()
     """In order, at most 500."""
     returns: bool = quantity(False, title="Return to the first")
@@ -138,6 +139,7 @@ class Lawnmower(Configuration):
     """Parallel lines over an area, to and fro; cross-hatched with a second set across."""
 
     kind: Literal["lawnmower"] = "lawnmower"
+    """Names the kind of this document."""
     area: Corners = Field(title="Area")
     """Corners of the area, 3 to 256."""
     spacing_m: float | None = _SPACING
@@ -152,6 +154,7 @@ class ExpandingSquare(Configuration):
     """A square spiral outwards from a place: the search for something lost."""
 
     kind: Literal["expanding_square"] = "expanding_square"
+    """Names the kind of this document."""
     centre: Spot
     """Where it begins."""
     spacing_m: float | None = _SPACING
@@ -166,6 +169,7 @@ class SpiralOut(Configuration):
     """A round spiral outwards from a place, in straight legs."""
 
     kind: Literal["spiral"] = "spiral"
+    """Names the kind of this document."""
     centre: Spot
     """Where it begins."""
     spacing_m: float | None = _SPACING
@@ -178,6 +182,7 @@ class Star(Configuration):
     """Lines through a place at evenly spread headings."""
 
     kind: Literal["star"] = "star"
+    """Names the kind of this document."""
     centre: Spot
     """Where the lines cross."""
     radius_m: float = quantity(..., "m", title="Radius", gt=0.0, le=_FAR_M)
@@ -192,6 +197,7 @@ class AlongLine(Configuration):
     """Along a line, and back beside it as often as asked."""
 
     kind: Literal["along_line"] = "along_line"
+    """Names the kind of this document."""
     line: Line = Field(title="Line")
     """Corners of the line, 2 to 256."""
     passes: int = quantity(1, title="Passes", ge=1, le=50)
@@ -204,6 +210,7 @@ class AlongIsobath(Configuration):
     """Along a line of equal depth of the floor, from where it is nearest to a place."""
 
     kind: Literal["along_isobath"] = "along_isobath"
+    """Names the kind of this document."""
     depth_m: float = quantity(..., "m", title="Depth of the floor", gt=0.0, le=_DEEP_M)
     """Which isobath."""
     near: Spot
@@ -218,6 +225,7 @@ class Section(Configuration):
     """A line that is repeated: the classic section of oceanography."""
 
     kind: Literal["section"] = "section"
+    """Names the kind of this document."""
     line: Line = Field(title="Line")
     """Corners of the line, 2 to 256."""
     repeats: int = quantity(2, title="Times", ge=1, le=REPEATS_MAX)
@@ -228,6 +236,7 @@ class Mooring(Configuration):
     """A virtual mooring: profiles at one place, spiral down and up, for some time."""
 
     kind: Literal["mooring"] = "mooring"
+    """Names the kind of this document."""
     place: Spot
     """Where."""
     duration_s: float = quantity(..., "s", title="Duration", gt=0.0, le=2_592_000.0)
@@ -238,6 +247,7 @@ class StationKeep(Configuration):
     """Staying near a place at the surface for some time."""
 
     kind: Literal["station_keep"] = "station_keep"
+    """Names the kind of this document."""
     place: Spot
     """Where."""
     radius_m: float = quantity(..., "m", title="Radius", gt=0.0, le=_KEEP_FAR_M)
@@ -263,6 +273,7 @@ class Reference(Configuration):
     """A trajectory in time, flown from turn to turn at the speeds that it asks for."""
 
     kind: Literal["reference"] = "reference"
+    """Names the kind of this document."""
     shape: Literal["diagonal", "figure_of_eight", "rows"] = quantity("diagonal", title="Shape")
     """Thesis Eq. 3.21, Eq. 3.22 with its printed ``015`` read as 0.15, or rows of one's own."""
     origin: Spot

@@ -16,14 +16,18 @@ class RobotGrantBody(Body):
     """A role for one robot."""
 
     robot: str
+    """Id of the robot."""
     role: GrantedRole
+    """What may be done with it."""
 
 
 class GroupGrantBody(Body):
     """A role for the robots of a group, whichever they are at the time."""
 
     group: Name
+    """Id of the group of robots."""
     role: GrantedRole
+    """What may be done with its robots."""
 
 
 GrantBody: TypeAlias = RobotGrantBody | GroupGrantBody

@@ -22,6 +22,7 @@ class GroupBody(Body):
     """Which robots a group shall have."""
 
     robots: list[str] = Field(max_length=1000)
+    """Ids of the robots of the group."""
     seen: list[str] | None = Field(default=None, max_length=1000)
     """What it had when somebody looked; 409 where that is not so any more."""
 

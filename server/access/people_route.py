@@ -33,6 +33,7 @@ class PersonBody(Body):
     """A new person."""
 
     name: Name
+    """Name by which the person signs in."""
     role: Role
     """For all robots, those to come too; ``none`` where the grants say all."""
     password: NewPassword
@@ -44,8 +45,11 @@ class PersonPatch(Body):
     """What changes about a person; their sessions end with all but grants."""
 
     role: Role | None = None
+    """What the person may do with every robot."""
     password: NewPassword | None = None
+    """A new password; left out, the old one stays."""
     disabled: bool | None = None
+    """Whether the person may not sign in any more."""
     grants: list[GrantBody] | None = Field(default=None, max_length=GRANTS_MAX)
     """In the place of all that they have for chosen robots and groups."""
     seen_grants: list[GrantBody] | None = Field(default=None, max_length=GRANTS_MAX)

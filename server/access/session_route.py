@@ -26,8 +26,11 @@ class SignInBody(Body):
     """Name and password, the token of a one-time sign-in, or the secret of a read-only link."""
 
     name: str | None = Field(default=None, max_length=NAME_LENGTH_MAX)
+    """Name of the person."""
     password: SecretStr | None = Field(default=None, max_length=PASSWORD_LENGTH_MAX)
+    """Their password."""
     token: SecretStr | None = Field(default=None, max_length=200)
+    """The one-time word of an address that the command line printed."""
     link: SecretStr | None = Field(default=None, max_length=200)
     """The secret of a read-only link."""
 
@@ -36,6 +39,7 @@ class FirstAdminBody(Body):
     """Who sets the station up."""
 
     name: Name
+    """Name by which the first administrator signs in."""
     password: NewPassword
     code: str = Field(max_length=100)
     """The code that the station printed at its start."""

@@ -81,7 +81,9 @@ class LinkBody(Body):
     name: Name
     """What it is for; whoever opens it sees it."""
     robots: list[str] = Field(default_factory=list[str], max_length=SHOWN_MAX)
+    """Ids of the robots that it shows."""
     groups: list[Name] = Field(default_factory=list[Name], max_length=SHOWN_MAX)
+    """Ids of the groups whose robots it shows."""
     days: float = Field(default=7.0, gt=0, le=LINK_DAYS_MAX)
     """How long it is valid."""
 

@@ -78,19 +78,23 @@ class Acknowledgement(Body):
     """What who acknowledges says of it."""
 
     note: str = Field(default="", max_length=NOTE_LENGTH_MAX)
+    """What is said of the alarm; empty for nothing."""
 
 
 class Shelf(Body):
     """For how long an alarm is set aside, and why."""
 
     minutes: int = Field(ge=1, le=SHELF_MINUTES_MAX)
+    """So long it stands aside, in minutes of the station's clock; then it comes back by itself."""
     note: Note
+    """Why it is set aside."""
 
 
 class NoteBody(Body):
     """What a person says of an alarm."""
 
     note: Note
+    """What is said of the alarm."""
 
 
 class Assignment(Body):

@@ -79,19 +79,33 @@ class RuleChanges(Body):
     """What is to be changed of a rule; what is left out stays. Bounds are those of the rule."""
 
     title: str | None = None
+    """What lists call it."""
     kind: RuleKind | None = None
+    """How it judges: limits, those of the catalogue, a rate, absence, an expression."""
     reads: str | None = None
+    """Key of the channel or value that it watches."""
     expression: str | None = None
+    """What is worked out, of a rule of the kind expression."""
     limits: tuple[RuleLimit, ...] | None = None
+    """Values that deserve an alarm, one limit for each level at most."""
     hysteresis: float | None = None
+    """How far a value must come back over a limit before the alarm clears, in its unit."""
     delay_s: float | None = None
+    """How long a value must stay beyond a limit before the alarm is raised, s; to 86,400."""
     clear_after_s: float | None = None
+    """How long it must be normal before the alarm clears, s; to 86,400."""
     window_s: float | None = None
+    """Of a rate: the time over which the change is taken, s; 1 to 3,600."""
     robots: tuple[str, ...] | None = None
+    """Ids of the robots that it is about; empty for all."""
     modes: tuple[ModeName, ...] | None = None
+    """What a robot must be doing; empty for anything."""
     suppressed: tuple[Suppression, ...] | None = None
+    """When it is no alarm by design."""
     text: str | None = None
+    """The sentence of its alarm, with places in braces."""
     action: str | None = None
+    """What a person may do about it."""
 
 
 class TakenOut(Body):
@@ -100,13 +114,16 @@ class TakenOut(Body):
     robot: str | None = None
     """``null`` for every robot."""
     reason: Note
+    """Why; it is logged."""
 
 
 class Trial(Body):
     """A rule, as it is or as it is typed, and the past that it is tried on."""
 
     rule: AlarmRule
+    """The rule, as it is or as it is typed."""
     days: int = Field(default=7, ge=1, le=DAYS_MAX)
+    """How many days back it is tried."""
 
 
 @dataclass(frozen=True, slots=True)

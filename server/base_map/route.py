@@ -5,7 +5,7 @@ import errno
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Path, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Path, Response, UploadFile
 
 from db.query.station.events import add_event
 from server.access.dependency import Pilot, Viewer
@@ -93,7 +93,10 @@ async def list_base_maps(caller: Viewer, maps: BaseMapsDep) -> BaseMapsView:
 
 @router.post("", status_code=201)
 async def add_base_map(
-    caller: Pilot, file: UploadFile, maps: BaseMapsDep, foundation: FoundationDep
+    caller: Pilot,
+    file: Annotated[UploadFile, File(description="A PMTiles or MBTiles file.")],
+    maps: BaseMapsDep,
+    foundation: FoundationDep,
 ) -> BaseMapView:
     """Add a PMTiles (version 3) or MBTiles file of PNG, JPEG or WebP tiles in Web Mercator.
 

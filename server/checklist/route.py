@@ -25,20 +25,25 @@ class NewChecklist(Body):
     """Which list is begun."""
 
     template: Annotated[str, Field(max_length=40)]
+    """Key of the list that a robot begins."""
 
 
 class ChecklistTick(Body):
     """An item that is ticked, or unticked."""
 
     item: Annotated[str, Field(max_length=40)]
+    """Key of the item."""
     ticked: bool = True
+    """Whether it was looked at and is well; false takes a tick back."""
     note: Annotated[str, Field(max_length=300)] = ""
+    """What is said of it; empty for nothing."""
 
 
 class ChecklistOverrule(Body):
     """Why plans may be started although blocking items are open."""
 
     reason: Reason
+    """Why the plan may start all the same; it is logged and shown at the plan."""
 
 
 @router.get("/robots/{robot}/checklists")

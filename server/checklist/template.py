@@ -73,9 +73,11 @@ class ChecklistTemplate(Body):
     """A checklist as teams write it."""
 
     title: Title
+    """What lists call it."""
     act: Act
     """Before which act it is looked through; a start waits for those of a start and of a launch."""
     robots: Literal["all", "real", "simulated"] = "all"
+    """Whether it is for all robots, for real or for simulated ones."""
     waters: Annotated[list[Literal["tank", "lake", "sea"]], Field(max_length=3)] = Field(
         default_factory=list[Literal["tank", "lake", "sea"]]
     )
@@ -84,6 +86,7 @@ class ChecklistTemplate(Body):
     """Hours of the robots' clock after which a run of it counts no more; 0 means until the
     deployment ends."""
     items: Annotated[list[ChecklistItem], Field(min_length=1, max_length=ITEMS_MAX)]
+    """What is looked at, in order."""
 
     @model_validator(mode="after")
     def _has_each_item_once(self) -> Self:

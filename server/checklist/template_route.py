@@ -29,13 +29,16 @@ class NewChecklistTemplate(Body):
     """A template of the team's own."""
 
     key: Annotated[str, Field(pattern=KEY_PATTERN)]
+    """Names the list for good."""
     template: ChecklistTemplate
+    """What it says."""
 
 
 class ChecklistTemplateChange(Body):
     """What a template says from now on."""
 
     template: ChecklistTemplate
+    """The whole list as it is to be from now on."""
     version: int = Field(ge=0)
     """The version that was changed; 409 if there is a newer one."""
 

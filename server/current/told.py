@@ -27,8 +27,11 @@ class ToldLevel(Body):
     """The current at one depth."""
 
     depth_m: float = Field(ge=0.0, le=12_000.0, allow_inf_nan=False)
+    """Depth, m; 0 to 12,000."""
     north_m_s: Speed
+    """To the north, m/s."""
     east_m_s: Speed
+    """To the east, m/s."""
 
 
 class KeptTold(Body):

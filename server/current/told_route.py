@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Response, UploadFile
 from pydantic import AwareDatetime, Field, ValidationError
 from sqlalchemy.orm import Session
 
@@ -49,6 +49,7 @@ class NewTold(Body):
     proposal: str | None = Field(default=None, pattern=r"^[0-9a-z]{8,64}$")
     """Name of a proposal of `POST /api/waters/{id}/current/imports`; null for a typed current."""
     kind: Literal["constant", "profile"] = "constant"
+    """Whether a typed current is constant or a profile over depth."""
     levels: list[ToldLevel] = Field(default_factory=list, max_length=LEVELS_MAX)
     """Of a profile by ascending depth; of a constant one, whose depth does not matter."""
     std_m_s: float = Field(default=0.1, ge=0.005, le=1.0, allow_inf_nan=False)
@@ -58,6 +59,7 @@ class NewTold(Body):
     made_at: AwareDatetime | None = None
     """When the model ran, or it was seen; null for as the file says."""
     valid_from: AwareDatetime | None = None
+    """From when on it holds; ``null`` from the beginning."""
     valid_until: AwareDatetime | None = None
     """Of a typed current: beyond these it says nothing; null for always."""
 
@@ -120,7 +122,11 @@ async def delete_told_current(
 
 @router.post("/imports", status_code=202)
 async def start_current_reading(
-    caller: Admin, water: str, file: UploadFile, foundation: FoundationDep, waters: WatersDep
+    caller: Admin,
+    water: str,
+    file: Annotated[UploadFile, File(description="A CF NetCDF file of an ocean model.")],
+    foundation: FoundationDep,
+    waters: WatersDep,
 ) -> ReadingJobView:
     """Read the current of a water from a CF NetCDF file of an ocean model; nothing is told yet.
 

@@ -95,11 +95,15 @@ class NewFlag(Body):
     """A stretch of time of a series, and what a person says of it."""
 
     series: str = Field(max_length=60)
+    """Key of the channel or value."""
     first_at: AwareDatetime
+    """When the stretch begins, included."""
     last_at: AwareDatetime
+    """When it ends, included."""
     flag: int = Field(ge=1, le=4)
     """1 good, 2 probably good, 3 probably bad, 4 bad."""
     reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
+    """Why, 1 to 500 characters."""
 
 
 @dataclass(frozen=True, slots=True)

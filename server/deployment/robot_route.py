@@ -45,7 +45,9 @@ class FirstDeployment(Body):
     name: Title | None = None
     """By default the robot's name and the day."""
     purpose: str = Field(default="", max_length=500)
+    """What it is for."""
     people: list[Name] = Field(default_factory=list[str], max_length=50)
+    """Who takes part."""
 
 
 class NewRobot(Body):

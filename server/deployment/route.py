@@ -37,10 +37,13 @@ class NewDeployment(Body):
     """A deployment that is planned, or that has begun."""
 
     robot: str
+    """Id of the robot."""
     name: Title | None = None
     """By default the robot's name and the day."""
     purpose: Purpose = ""
+    """What it is for."""
     people: People = Field(default_factory=list[str])
+    """Who takes part."""
     started_at: AwareDatetime | None = None
     """When the robot came into the water; without it the deployment is planned."""
     ended_at: AwareDatetime | None = None
@@ -53,10 +56,15 @@ class DeploymentChanges(Body):
     """What is to be changed of a deployment."""
 
     name: Title | None = None
+    """What lists call it."""
     purpose: Purpose | None = None
+    """What it is for."""
     people: People | None = None
+    """Who takes part."""
     started_at: AwareDatetime | None = None
+    """When the robot went into the water."""
     ended_at: AwareDatetime | None = None
+    """When it was recovered; ``null`` while it has not been."""
 
 
 class Moment(Body):
@@ -77,6 +85,7 @@ class Split(Body):
     """Where a deployment is to be split."""
 
     at: AwareDatetime
+    """Moment at which the deployment becomes two."""
     name: Title | None = None
     """Of the second part; by default the robot's name and the day."""
 
@@ -85,24 +94,28 @@ class Voiding(Body):
     """Why a deployment does not count."""
 
     reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
+    """Why the deployment was a mistake; it is logged."""
 
 
 class Review(Body):
     """What a person says who looked at the data."""
 
     note: str = Field(default="", max_length=500)
+    """What is said of the deployment; empty for nothing."""
 
 
 class Delivery(Body):
     """To whom the data were handed over."""
 
     to: str = Field(min_length=1, max_length=500, pattern=r"\S")
+    """Who has the data now, 1 to 500 characters."""
 
 
 class Reopening(Body):
     """Why a deployment is to be reviewed anew."""
 
     reason: str = Field(min_length=1, max_length=500, pattern=r"\S")
+    """Why the deployment goes on; it is logged."""
 
 
 @router.get("/deployments")

@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Form, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Form, Query, Response, UploadFile
 from pydantic import ValidationError
 
 from autonomy.design.document import Design
@@ -73,8 +73,10 @@ async def read_file(
     caller: Pilot,
     robot: str,
     fleet: FleetDep,
-    file: UploadFile,
-    choices: Annotated[str, Form(max_length=2000)] = "{}",
+    file: Annotated[UploadFile, File(description="The plan file, as another program wrote it.")],
+    choices: Annotated[
+        str, Form(max_length=2000, description="JSON object that answers what it asks.")
+    ] = "{}",
 ) -> PlanFileView:
     """Read a plan file: QGroundControl `.plan`, `QGC WPL 110`, KML, KMZ, GeoJSON or CSV.
 

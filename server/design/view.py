@@ -217,8 +217,11 @@ class TemplateParameter(Body):
     """A number that whoever begins from a template says."""
 
     key: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
+    """Names the parameter in the design."""
     title: str = Field(min_length=1, max_length=60)
+    """What the form calls it."""
     unit: str = Field(default="", max_length=20)
+    """Unit that stands beside the number; empty for none."""
     default: float | None = None
     """``null``: it must be said."""
     low: float | None = None
@@ -245,7 +248,9 @@ class NewDesign(Body):
     """A new design: from a document, another design, a plan, or a template; else empty."""
 
     name: str = Field(min_length=1, max_length=80)
+    """What lists call it."""
     document: Design | None = None
+    """The design."""
     design: str | None = None
     """Id of a design that is copied."""
     version: int | None = None
@@ -253,6 +258,7 @@ class NewDesign(Body):
     shift_north_m: float = Field(default=0.0, ge=-1e6, le=1e6, allow_inf_nan=False)
     """How far a copy or a plan is shifted."""
     shift_east_m: float = Field(default=0.0, ge=-1e6, le=1e6, allow_inf_nan=False)
+    """How far the copy lies to the east, m."""
     plan: str | None = None
     """Id of a plan, of whatever state, that is opened again."""
     template: str | None = None
@@ -265,6 +271,7 @@ class DocumentChange(Body):
     """A changed document."""
 
     document: Design
+    """The design as it is after the change."""
     what: str = Field(min_length=1, max_length=120)
     """What was changed, for whoever undoes it."""
 
@@ -273,25 +280,30 @@ class Saving(Body):
     """What is said of a version."""
 
     comment: str = Field(default="", max_length=500)
+    """What this version is; empty for nothing."""
 
 
 class Restoring(Body):
     """Which version becomes the working document."""
 
     version: int = Field(ge=1)
+    """Number of the version that the design is to be again."""
 
 
 class Renaming(Body):
     """A design's name, or whether it is put away."""
 
     name: str | None = Field(default=None, min_length=1, max_length=80)
+    """What lists call it."""
     is_archived: bool | None = None
+    """Whether lists leave it out."""
 
 
 class Checking(Body):
     """A document that is only looked at."""
 
     document: Design
+    """The design as it is drawn."""
 
 
 class Planning(Body):
@@ -305,5 +317,8 @@ class NewTemplate(Body):
     """A template."""
 
     name: str = Field(min_length=1, max_length=80)
+    """What lists call it."""
     document: Design
+    """The design with which others begin."""
     parameters: list[TemplateParameter] = Field(default_factory=list, max_length=32)
+    """What is asked for each time."""

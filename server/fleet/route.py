@@ -71,11 +71,15 @@ class RobotChanges(Body):
     """What is to be changed of a robot."""
 
     name: Title | None = None
+    """What pages call it."""
     protocol: Literal["grace", "mavlink"] | None = None
+    """How it speaks: our own program, or standard MAVLink alone."""
     model: str | None = None
     """Key of a vehicle of the catalogue: what holds for the robot from now on."""
     system_id: int | None = Field(default=None, ge=1, le=249)
+    """Its MAVLink system id, 1 to 249; no two robots share one."""
     links: list[str] | None = Field(default=None, min_length=1, max_length=8)
+    """Addresses of its links, 1 to 8."""
     water: str | None = None
     """Id of the water that it works in from now on."""
     site: Site | None = None

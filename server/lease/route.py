@@ -53,7 +53,9 @@ class HoldBody(Body):
     """Whether automation is to be held."""
 
     is_held: bool
+    """Whether scripts and all that sends or plans by itself stand still."""
     reason: Note = ""
+    """Why; shown on every page while it is held."""
 
 
 @router.get("/leases")

@@ -31,12 +31,14 @@ class ParameterRequest(Body):
     """What a parameter shall be."""
 
     value: float
+    """What it is to be, in its own unit."""
 
 
 class ParameterFileBody(Body):
     """A file about parameters."""
 
     text: str = Field(max_length=8 * 2**20)
+    """Text of the file, one parameter a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class LogRequest(Body):
     """Which file is wanted."""
 
     path: str = Field(min_length=1, max_length=200)
+    """Where on the robot the log is, as its list of logs names it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,7 @@ class LinkTrialRequest(Body):
     """Which link to try."""
 
     uri: str = Field(max_length=500)
+    """Address of the link, such as ``xbee:///dev/ttyUSB0``."""
     system_id: int | None = Field(default=None, ge=1, le=249)
     """The MAVLink system id that the robot is to have there."""
     seconds: float = Field(default=2.0, gt=0.0, le=10.0)

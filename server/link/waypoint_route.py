@@ -28,6 +28,7 @@ class WaypointBody(Body):
     north_m: float = Field(ge=-1e6, le=1e6)
     """In the water's frame."""
     east_m: float = Field(ge=-1e6, le=1e6)
+    """East of the origin of the robot's water, m."""
     depth_m: float = Field(ge=-1e4, le=1e4)
     """Below the surface."""
     hold_s: float = Field(default=0.0, ge=0.0, le=36_000.0)
@@ -38,6 +39,7 @@ class WaypointsBody(Body):
     """A mission in the order in which it is flown."""
 
     waypoints: list[WaypointBody] = Field(min_length=1, max_length=500)
+    """Where it goes, in order."""
 
 
 @dataclass(frozen=True, slots=True)

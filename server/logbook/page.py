@@ -28,7 +28,9 @@ class Weather(Body):
     wave_height_m: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
     """Significant height of the waves, m."""
     sky: Sky = ""
+    """Clouds and what falls from them, in words."""
     note: Annotated[str, Field(max_length=500)] = ""
+    """What else is said of the weather."""
 
 
 class PageToSign(Body):
@@ -37,6 +39,7 @@ class PageToSign(Body):
     seen: Annotated[str, Field(pattern=DIGEST)]
     """``seen`` of the hand-over that they looked at."""
     weather: Weather
+    """Weather of the watch, as it was seen."""
     remarks: Annotated[str, Field(max_length=5000)] = ""
     """Markdown: what the next watch has to know besides."""
 

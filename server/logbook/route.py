@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Generator
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Path, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Path, Query, Response, UploadFile
 from fastapi.responses import StreamingResponse
 from sqlalchemy.orm import Session
 
@@ -227,7 +227,11 @@ async def strike_entry(
 
 
 @picture_router.post("", status_code=201)
-async def keep_picture(caller: Pilot, file: UploadFile, log_book: LogBookDep) -> AttachmentView:
+async def keep_picture(
+    caller: Pilot,
+    file: Annotated[UploadFile, File(description="A PNG, JPEG or WebP picture.")],
+    log_book: LogBookDep,
+) -> AttachmentView:
     """Keep a picture for an entry: PNG, JPEG or WebP by its bytes, of at most 10 MB.
 
     422 says why one is not taken.

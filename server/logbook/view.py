@@ -48,7 +48,9 @@ class AttachmentBody(Body):
     """A picture that was sent before."""
 
     sha256: Annotated[str, Field(pattern=DIGEST)]
+    """SHA-256 of a picture that was uploaded before, 64 hexadecimal digits."""
     name: Title
+    """What the entry calls it."""
 
 
 class EntryText(Body):
@@ -59,8 +61,11 @@ class EntryText(Body):
     at: AwareDatetime | None = None
     """The moment that it is about; now where it is not given."""
     robot: str | None = None
+    """Id of the robot that it is about; ``null`` for none."""
     tags: Annotated[tuple[Tag, ...], Field(max_length=TAGS_MAX)] = ()
+    """Words to find it by."""
     attachments: Annotated[tuple[AttachmentBody, ...], Field(max_length=ATTACHMENTS_MAX)] = ()
+    """Pictures that stand beside it."""
 
 
 class NewEntry(EntryText):

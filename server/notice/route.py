@@ -41,6 +41,7 @@ class ContactBody(Body):
     title: Title
     """Such as ``phone``; it stands in the log."""
     form: ContactForm
+    """How it is reached: mail, ntfy, webhook, or any service of apprise."""
     address: SecretStr = Field(max_length=1000)
     """A mail address, ``https://server/topic`` of ntfy, a webhook's URL, or apprise's URL; of the
     last three nothing but the kind and the host is shown again."""
@@ -52,17 +53,24 @@ class ContactPatch(Body):
     """What changes about a contact."""
 
     title: Title | None = None
+    """What the contact is called."""
     enabled: bool | None = None
+    """Whether notices are sent to it."""
 
 
 class MailServerBody(Body):
     """The server by which the station sends mail; a password that is left out stays."""
 
     host: str = Field(max_length=200)
+    """Name or address of the server."""
     port: int = Field(default=587, ge=1, le=65535)
+    """Its TCP port, 1 to 65535."""
     security: Literal["starttls", "ssl", "none"] = "starttls"
+    """How the connection is encrypted; ``none`` sends in the clear."""
     username: str = Field(default="", max_length=200)
+    """Account at the server; empty where it asks for none."""
     password: SecretStr | None = Field(default=None, max_length=500)
+    """Password of the account; left out, the one that is kept stays."""
     sender: str = Field(max_length=255)
     """Address that mails come from."""
 
@@ -71,6 +79,8 @@ class WatcherBody(Body):
     """Where signs of life go; ``null`` for nowhere."""
 
     url: SecretStr | None = Field(max_length=1000)
+    """Address of the watching service, ``https://...``; kept like a password. ``null`` for
+    nowhere."""
 
 
 @dataclass(frozen=True, slots=True)

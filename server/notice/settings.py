@@ -23,6 +23,7 @@ class EscalationStep(Body):
     """Who is told next if nobody has acknowledged by then."""
 
     people: list[Name] = Field(min_length=1, max_length=20)
+    """Names of 1 to 20 people who are told."""
     after_minutes: int = Field(default=10, ge=1, le=1440)
     """After the step before, by the station's clock."""
 

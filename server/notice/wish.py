@@ -82,6 +82,7 @@ class Wishes(Body):
     """What one person wants to be told, and when."""
 
     alarms: AlarmWish = AlarmWish()
+    """By topic, the least level of which this person is told; ``none`` for never."""
     surfaced: bool = False
     """Told when a robot surfaces."""
     plan: bool = False

@@ -5,7 +5,7 @@ import os
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Form, UploadFile
+from fastapi import APIRouter, File, Form, UploadFile
 
 from server.access.dependency import Pilot, PilotOf
 from server.base.dependency import FoundationDep
@@ -30,11 +30,15 @@ class ImportView(View):
 @router.post("", status_code=202)
 async def start_import(
     caller: Pilot,
-    file: UploadFile,
-    robot: Annotated[str, Form(pattern=ROBOT_ID)],
+    file: Annotated[UploadFile, File(description="The CSV file of a recording.")],
+    robot: Annotated[
+        str, Form(pattern=ROBOT_ID, description="Id of the robot whose recording it is.")
+    ],
     pilot_of: PilotOf,
     foundation: FoundationDep,
-    policy: Annotated[Policy, Form()] = Policy.REFUSE,
+    policy: Annotated[
+        Policy, Form(description="What becomes of a file that has broken rows.")
+    ] = Policy.REFUSE,
 ) -> ImportView:
     """Import a CSV file as a recorded deployment of a robot, which is created if not known.
 

@@ -50,6 +50,7 @@ class AccountBody(Body):
     url: str | None = Field(default=None, max_length=500)
     """Where messages to robots go: ``https://host/path``, of DirectIP ``tcp://host:port``."""
     username: str | None = Field(default=None, max_length=200)
+    """Name of the account at the gateway; empty where it has none."""
     password: SecretStr | None = Field(default=None, max_length=500)
     """Password, or Cloudloop's token; it is never shown again."""
     public_key: str | None = Field(default=None, max_length=8000)

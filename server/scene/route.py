@@ -29,14 +29,21 @@ class SceneChangeBody(Body):
     """What is to be different in a 3D view; whatever is left out stays."""
 
     quantity: Literal["mean", "std"] | None = None
+    """Whether the mean of the map is drawn or its standard deviation."""
     form: Literal["volume", "slices"] | None = None
+    """How the map is drawn."""
     model: str | None = None
+    """Which model of the field is drawn."""
     slice_depth: Share | None = None
     """Where the level slice lies, as a share of the map's depth; ``null`` takes it away."""
     slice_north: Share | None = None
+    """Where the slice across north lies, as a share of the map; ``null`` takes it away."""
     slice_east: Share | None = None
+    """Where the slice across east lies, as a share of the map; ``null`` takes it away."""
     opacity: float | None = Field(default=None, ge=0.02, le=1.0)
+    """How opaque the map is, 0.02 to 1."""
     exaggeration: float | None = Field(default=None, ge=1.0, le=1000.0)
+    """How many times depths are stretched, 1 to 1,000."""
     layers: dict[str, bool] | None = None
     """Layers to show or hide, by key."""
 

@@ -15,12 +15,14 @@ class NextSurfacing(Body):
     """The robot's next surfacing."""
 
     kind: Literal["surfacing"] = "surfacing"
+    """At the next surfacing."""
 
 
 class AtTime(Body):
     """A moment."""
 
     kind: Literal["time"]
+    """At a moment."""
     at: AwareDatetime
     """By the robots' clock."""
 
@@ -29,9 +31,11 @@ class ValueBeyond(Body):
     """A value of the robot that is over or under a limit, while it is not old."""
 
     kind: Literal["value"]
+    """Once a channel is beyond a limit."""
     channel: str
     """Key of a channel as `GET /api/robots/{robot}/state` names it, such as `battery_fraction`."""
     side: Literal["over", "under"]
+    """On which side of the limit."""
     limit: Annotated[float, Field(allow_inf_nan=False)]
     """In the channel's unit."""
 
@@ -40,7 +44,9 @@ class AfterPlan(Body):
     """Another plan of the robot is done: a sequence of missions."""
 
     kind: Literal["after"]
+    """After another plan."""
     plan: str
+    """Id of the plan that is to be done first."""
 
 
 Condition = Annotated[NextSurfacing | AtTime | ValueBeyond | AfterPlan, Field(discriminator="kind")]

@@ -28,6 +28,7 @@ class MissionRequest(Body):
     """What a robot is asked to do."""
 
     kind: Literal["adaptive_survey"]
+    """Which mission it is."""
     config: PartialConfig = Field(default_factory=dict)
     automation: bool = False
     """Start by itself as soon as the first round is planned; by default nothing is sent."""

@@ -39,6 +39,7 @@ class SurveyPlanRequest(Body):
     """One round of a survey, to be searched for by the planner."""
 
     kind: Literal["adaptive_survey"]
+    """An adaptive survey."""
     config: PartialConfig = Field(default_factory=dict)
     mission: str | None = None
     """A mission that waits for its start: the plan takes the place of its newest draft."""
@@ -62,6 +63,7 @@ class LegBody(Body):
     """One motion primitive; it starts where the one before ended."""
 
     kind: PrimitiveKind
+    """How it is flown."""
     end_ned: tuple[Place, Place, Place]
     """North, east, depth. Of a dive or spiral only the depth counts, of a stay at the surface
     nothing: it keeps where the leg before ended."""
@@ -81,7 +83,9 @@ class PrimitivesPlanRequest(Body):
     """Legs laid out by hand, from where the robot is."""
 
     kind: Literal["primitives"]
+    """A plan of legs that are given."""
     legs: list[LegBody] = Field(min_length=1, max_length=500)
+    """What is flown, in order."""
     config: PartialConfig = Field(default_factory=dict)
 
 
@@ -89,6 +93,7 @@ class TargetPlanRequest(Body):
     """A target that the robot is to follow by its range alone."""
 
     kind: Literal["track_target"]
+    """A plan that follows a target."""
     config: Annotated[
         SettingsDocument,
         Field(

@@ -22,6 +22,7 @@ class SurveyRequest(Body):
     """Which robots of one site shall survey it."""
 
     robots: list[str] = Field(min_length=1, max_length=16)
+    """Ids of the robots that fly it."""
     config: PartialConfig = Field(default_factory=dict)
     automation: bool = False
     """Start by itself as soon as each first round is planned; by default nothing is sent."""

@@ -87,6 +87,7 @@ class AlarmLimitBody(Body):
     """Values beyond which a channel raises an alarm; one end at least."""
 
     level: AlarmLevel
+    """How much it matters: info, watch, warning, severe, critical."""
     low: float | None = Field(default=None, allow_inf_nan=False)
     """Below it, in the channel's unit."""
     high: float | None = Field(default=None, allow_inf_nan=False)
@@ -99,9 +100,11 @@ class NewChannel(Body):
     key: str = Field(pattern=KEY_PATTERN)
     """Lower-case letters, digits and underscores; names it in files and tables."""
     title: Title
+    """What lists and gauges call it."""
     unit: str = Field(min_length=1, max_length=40)
     """In the notation of UDUNITS, such as ``umol/L`` or ``m s-1``; "1" without one."""
     kind: ChannelKind = "field"
+    """Whether it is a field of the water, housekeeping or a switch."""
     wire_number: int | None = Field(default=None, ge=OWN_WIRE_NUMBERS[0], le=OWN_WIRE_NUMBERS[-1])
     """By which robots tell it; without one the first that is free."""
     low: float | None = Field(default=None, allow_inf_nan=False)
@@ -109,31 +112,50 @@ class NewChannel(Body):
     high: float | None = Field(default=None, allow_inf_nan=False)
     """Greatest value that can be true."""
     scale: Scale = "linear"
+    """Whether scales of it are linear or logarithmic."""
     can_map: bool = True
+    """Whether field maps are grown of it."""
     standard_name: str | None = None
+    """Name of the CF conventions for exported files; ``null`` for none."""
     colour_map: ColourMap = "viridis"
+    """Colours of its maps."""
     decimals: int = 2
+    """Digits after the point that are shown."""
     alarms: list[AlarmLimitBody] = Field(default_factory=list, max_length=10)
+    """Limits beyond which it is an alarm, at most ten."""
     help: str = Field(default="", max_length=_HELP_LENGTH_MAX)
+    """What it tells, in a sentence or two."""
 
 
 class ChannelChanges(Body):
     """What is to be changed of a channel; what is left out stays."""
 
     title: Title | None = None
+    """What lists and gauges call it."""
     unit: str | None = Field(default=None, min_length=1, max_length=40)
+    """Unit of its values, such as ``degC``."""
     kind: ChannelKind | None = None
+    """Whether it is a field of the water, housekeeping or a switch."""
     wire_number: int | None = Field(default=None, ge=OWN_WIRE_NUMBERS[0], le=OWN_WIRE_NUMBERS[-1])
+    """Its number on the wire; of an own channel."""
     low: float | None = Field(default=None, allow_inf_nan=False)
     """``null`` takes the end away."""
     high: float | None = Field(default=None, allow_inf_nan=False)
+    """Largest value that can be true, in its unit; ``null`` takes the end away."""
     scale: Scale | None = None
+    """Whether scales of it are linear or logarithmic."""
     can_map: bool | None = None
+    """Whether field maps are grown of it."""
     standard_name: str | None = None
+    """Name of the CF conventions for exported files; ``null`` for none."""
     colour_map: ColourMap | None = None
+    """Colours of its maps."""
     decimals: int | None = None
+    """Digits after the point that are shown."""
     alarms: list[AlarmLimitBody] | None = Field(default=None, max_length=10)
+    """Limits beyond which it is an alarm, at most ten."""
     help: str | None = Field(default=None, max_length=_HELP_LENGTH_MAX)
+    """What it tells, in a sentence or two."""
     is_retired: bool | None = None
     """Of an own one: whether it is no longer offered. What was measured of it stays."""
 

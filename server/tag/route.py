@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, Depends, Path, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Path, Query, Response, UploadFile
 from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 from sqlalchemy.orm import Session
@@ -157,7 +157,11 @@ async def export_detections(
 
 @router.post("/detections", status_code=202)
 async def import_detections(
-    caller: Pilot, robot: str, file: UploadFile, fleet: FleetDep, foundation: FoundationDep
+    caller: Pilot,
+    robot: str,
+    file: Annotated[UploadFile, File(description="A CSV file, as VUE exports it.")],
+    fleet: FleetDep,
+    foundation: FoundationDep,
 ) -> DetectionImportView:
     """Import an export of VUE: every row, or none with each broken row named in the job's result.
 

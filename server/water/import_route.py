@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Form, UploadFile
+from fastapi import APIRouter, Depends, File, Form, UploadFile
 
 from server.access.dependency import Admin
 from server.base.dependency import FoundationDep, service
@@ -30,11 +30,13 @@ Format = Literal["", "geojson", "kml", "kmz", "gpx", "geotiff", "netcdf", "xyz"]
 @router.post("", status_code=202)
 async def start_reading(
     caller: Admin,
-    file: UploadFile,
+    file: Annotated[UploadFile, File(description="A file of shapes or of depths.")],
     foundation: FoundationDep,
     waters: WatersDep,
-    format: Annotated[Format, Form()] = "",
-    crs: Annotated[str, Form(max_length=2000)] = "",
+    format: Annotated[Format, Form(description="How it is written; empty to find out.")] = "",
+    crs: Annotated[
+        str, Form(max_length=2000, description="Such as ``EPSG:32617``; empty for its own.")
+    ] = "",
 ) -> ReadingJobView:
     """Read outline, keep-outs and places, or depths, from a file; nothing of it is kept yet.
 

@@ -56,6 +56,7 @@ class ConfirmedProposal(Body):
     """A proposal of `POST /api/waters/imports` as the operator confirms it."""
 
     proposal: str = Field(pattern=r"^[0-9a-z]{8,64}$")
+    """Id of the proposal that was read from a file."""
     are_heights: bool | None = None
     """Whether depths are negative heights; ``null`` for as it was proposed."""
     roles: dict[int, Literal["outline", "island", "keep_out", "place", "ignored"]] = Field(
@@ -72,10 +73,13 @@ class WaterWords(Body):
     """What can be said of a water in a word or a number; ``null`` leaves it."""
 
     name: Title | None = None
+    """What lists call it."""
     kind: Literal["tank", "lake", "sea"] | None = None
+    """What kind of water it is."""
     variable: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,59}$")
     """Key of the channel that a survey maps."""
     radio_under_water: bool | None = None
+    """Whether radio reaches robots that are under water, as in a tank."""
     depth_datum: str | None = Field(default=None, max_length=200)
     """What the depths count from, in words."""
     tide_offset_m: float | None = Field(default=None, ge=-20.0, le=20.0)

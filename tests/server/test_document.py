@@ -54,6 +54,54 @@ def test_the_live_stream_is_described(document):
     assert "101" in document["paths"]["/api/live"]["get"]["responses"]
 
 
+def names_in(node: object) -> Iterator[str]:
+    """Tell the schemas that a part of the document names."""
+    if isinstance(node, list):
+        for one in node:
+            yield from names_in(one)
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield str(node["$ref"]).rsplit("/", 1)[-1]
+        for one in node.values():
+            yield from names_in(one)
+
+
+def undescribed(document: dict[str, Any]) -> Iterator[str]:
+    """Tell the fields of request bodies, however deep, of which nobody says what they are."""
+    schemas, seen = document["components"]["schemas"], set[str]()
+    bodies = [
+        operation["requestBody"]
+        for path in document["paths"].values()
+        for operation in path.values()
+        if "requestBody" in operation
+    ]
+    waiting = list(names_in(bodies))
+    while waiting:
+        name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        waiting += names_in(schemas[name])
+        for field, told in schemas[name].get("properties", {}).items():
+            if not str(told.get("description", "")).strip():
+                yield f"{name}.{field}"
+
+
+def test_every_field_of_every_request_body_says_what_it_is(document):
+    assert sorted(undescribed(document)) == []
+
+
+def test_a_field_without_a_description_is_noticed():
+    fields = {"a": {"description": "Known."}, "b": {"$ref": "#/components/schemas/Inner"}}
+    body = {"requestBody": {"content": {"x": {"schema": {"$ref": "#/components/schemas/Outer"}}}}}
+    inner = {"properties": {"c": {"type": "string"}}}
+    document = {
+        "paths": {"/a": {"post": body}},
+        "components": {"schemas": {"Outer": {"properties": fields}, "Inner": inner}},
+    }
+    assert sorted(undescribed(document)) == ["Inner.c", "Outer.b"]
+
+
 STATES = {"state", "mode", "level", "phase", "status", "stage"}
 """Names of fields that tell how things stand."""
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import reduce
 from operator import add
+from typing import Any
 
 import numpy as np
 from sqlalchemy import ColumnElement, Integer, func, or_, select, type_coerce
@@ -269,7 +270,7 @@ def state_past(
     """
     parts = {channel: STATE.parts_of_norm(channel) or (channel,) for channel in channels}
     names = list(dict.fromkeys(name for each in parts.values() for name in each))
-    rows = session.execute(
+    rows: Sequence[Any] = session.execute(
         select(StateRow.measured_at, StateRow.mode, *(STATE_CHANNELS[name] for name in names))
         .where(
             StateRow.robot_key == robot_key(session, robot),
