@@ -11,6 +11,7 @@ from sqlalchemy import Connection, Engine
 from db import (
     checklist_tables,
     current_tables,
+    delivery_tables,
     design_tables,
     lease_tables,
     link_tables,
@@ -32,6 +33,7 @@ from db.engine import READING
 
 _TABLE_MODULES = (
     tables,
+    delivery_tables,
     quality_tables,
     sample_tables,
     study_tables,

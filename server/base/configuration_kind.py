@@ -25,6 +25,7 @@ from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.automation_config import AutomationConfig
 from robot_link.checklist_config import ChecklistConfig
+from robot_link.delivery_config import DeliveryMetadata
 from robot_link.lease_config import LeaseConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from robot_link.standard_config import StandardCommandConfig
@@ -170,6 +171,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("automation", "Automatic sends", AutomationConfig()),
             _same_for_all("checklist", "Checklists", ChecklistConfig()),
+            _same_for_all("delivery", "Metadata of files", DeliveryMetadata()),
             _same_for_all("quality", "Quality control", GRACE_QARTOD),
             _same_for_all("lease", "Pilot in charge", LeaseConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
@@ -183,7 +185,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
 FOREIGN_KINDS = frozenset(
     (
         *("standard_commands", "field", "current_map", "battery", "link", "checklist", "lease"),
-        "quality",
+        *("quality", "delivery"),
     )
 )
 """What can be set of a vehicle of another maker, which takes no plans of ours."""

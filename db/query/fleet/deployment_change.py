@@ -24,6 +24,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from db.delivery_tables import DeliveryFileRow
 from db.fault import StoreError
 from db.identity import public_id
 from db.query.change import row_and_robot
@@ -32,7 +33,7 @@ from db.query.fleet.robots import get_robot
 from db.tables import Deployment, Robot
 
 BEGUN = ("in_water", "recovered")
-"""States whose times may be corrected: nobody signed them yet."""
+"""States whose times may be corrected, as long as no file was written: nobody signed them yet."""
 STATES = ("planned", "in_water", "recovered", "reviewed", "delivered")
 """Every state, in the order of a deployment's life."""
 
@@ -132,6 +133,7 @@ def split_deployment(
         DeploymentTimesError: If the moment is not within it.
     """
     row, robot = _row(session, deployment, *BEGUN)
+    _refuse_written(session, row, deployment)
     end = row.ended_at
     if row.started_at is None or at <= row.started_at or (end is not None and at >= end):
         raise DeploymentTimesError(f"{at:%Y-%m-%d %H:%M:%S}Z is not within {deployment}.")
@@ -179,6 +181,7 @@ def correct_deployment(
         raise ValueError(f"{', '.join(changes)} of a deployment cannot be changed")
     if changes:
         _refuse_state(row, deployment, BEGUN)
+        _refuse_written(session, row, deployment)
         if "ended_at" in changes and row.ended_at is None:
             raise DeploymentTimesError(f"{deployment} has not ended yet; end it first.")
         started_at = changes.get("started_at", row.started_at)
@@ -281,6 +284,16 @@ def _refuse_state(row: Deployment, deployment: str, states: Sequence[str]) -> No
     if row.kind != "live":
         raise DeploymentStateError(f"{deployment} is a recording; its times are those of its rows.")
     _refuse_other_state(row, deployment, states)
+
+
+def _refuse_written(session: Session, row: Deployment, deployment: str) -> None:
+    """Refuse other times once a file was written: its name tells when the deployment began."""
+    written = select(DeliveryFileRow.name).where(DeliveryFileRow.deployment_key == row.key)
+    name = session.scalar(written.limit(1))
+    if name is not None:
+        raise DeploymentStateError(
+            f"{deployment} keeps its times: {name} was written of it. Void it and note another."
+        )
 
 
 def _refuse_other_state(row: Deployment, deployment: str, states: Sequence[str]) -> None:

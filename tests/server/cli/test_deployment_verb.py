@@ -1,9 +1,13 @@
 """``grace deployment``: a life from the water to whoever gets the data, on a data folder."""
 
+import json
+import re
+
 import pytest
 
 from tests.server.cli.test_cli import grace
 from tests.server.cli.test_robot_verb import BAY, add
+from tests.server.delivery.test_file_api import METADATA
 
 
 @pytest.fixture
@@ -50,3 +54,27 @@ def test_data_are_checked_and_flagged_by_hand(folder, capsys):
     past = ("--from", "2001-01-01T00:00", "--to", "2001-01-01T00:05", "--reason", "Mud")
     assert step(folder, *flag, *past) == 1
     assert "first_at" in capsys.readouterr().err
+
+
+def test_a_file_is_written_once_the_metadata_say_who_answers_for_it(folder, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert step(folder, "netcdf", "deployment-1", str(out)) == 2
+    out.mkdir()
+    assert step(folder, "netcdf", "deployment-1", str(out)) == 1
+    said = capsys.readouterr().err
+    assert "metadata.principal_investigator.name: Principal investigator, name" in said
+    assert list(out.iterdir()) == []
+    words = tmp_path / "metadata.json"
+    words.write_text(json.dumps({"license": "none at all"}))
+    assert step(folder, "metadata", "--robot", "our-1", "--file", str(words)) == 1
+    assert "license" in capsys.readouterr().err
+    words.write_text(json.dumps(METADATA))
+    assert step(folder, "metadata", "--robot", "our-1", "--file", str(words)) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["principal_investigator"] == METADATA["principal_investigator"]
+    assert step(folder, "netcdf", "deployment-1", str(out)) in (0, 1)
+    (file,) = out.iterdir()
+    assert re.fullmatch(r"our-1_\d{8}T\d{6}_R\.nc", file.name)
+    assert "own: passed" in capsys.readouterr().out
+    assert step(folder, "netcdf", "deployment-1", str(out)) == 1
+    assert "is there already" in capsys.readouterr().err

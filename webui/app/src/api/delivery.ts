@@ -18,4 +18,19 @@ export class DeliveryApi {
     told(this.#http.POST('/api/deployments/{deployment}/flags', { ...of({ deployment }), body }));
   withdrawFlag = (deployment: string, flag: string) =>
     done(this.#http.DELETE('/api/deployments/{deployment}/flags/{flag}', of({ deployment, flag })));
+
+  files = (deployment: string) =>
+    told(this.#http.GET('/api/deployments/{deployment}/files', of({ deployment })));
+  writeFile = (deployment: string, noBetterData: boolean) =>
+    told(
+      this.#http.POST('/api/deployments/{deployment}/files', {
+        ...of({ deployment }),
+        body: { no_better_data: noBetterData },
+      }),
+    );
+}
+
+/** Where a file that was written is fetched from. */
+export function filePath(deployment: string, file: string): string {
+  return `/api/deployments/${encodeURIComponent(deployment)}/files/${encodeURIComponent(file)}`;
 }

@@ -1,0 +1,92 @@
+"""``grace deployment netcdf``: a deployment as a file of OG1.0, with what the checks say."""
+
+import shutil
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from server.base.problem import Problem
+from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
+from server.cli.deployment_verb.word import BY, refusal
+from server.cli.failure import CommandError
+from server.delivery import file_task
+from server.delivery.files import FOLDER, order_of, write_kept
+
+ACTION = "netcdf"
+
+
+def add_action(actions: Any) -> ArgumentParser:  # noqa: ANN401 - argparse's own, which has no name
+    """Declare the action."""
+    parser = actions.add_parser(ACTION, help="write it as NetCDF of OG1.0 and CF, and check that")
+    parser.add_argument("deployment", help="its id, such as deployment-3")
+    parser.add_argument("folder", type=Path, help="where to; the file's name is its id")
+    parser.add_argument(
+        "--no-better-data",
+        action="store_true",
+        help="confirm, of a reviewed deployment, that nothing better exists than telemetry",
+    )
+    return parser
+
+
+def run(arguments: Namespace) -> int:
+    """Write the file; the status is 1 unless every check passed."""
+    if not arguments.folder.is_dir():
+        raise CommandError(f"{arguments.folder} is no folder.", status=2)
+    path, checks = _there(arguments) if arguments.url else _here(arguments)
+    print(f"{arguments.deployment} is in {path}.")
+    for one in checks:
+        print(f"{one['suite']}: {_WORDS[one['state']]} {one['message']}".rstrip())
+        for finding in one["findings"]:
+            print(f"  {finding['variable'] or finding['check']}: {finding['message']}")
+            print(f"    {finding['fix']}")
+    return 0 if all(one["state"] == "passed" for one in checks) else 1
+
+
+_WORDS = {"passed": "passed", "findings": "findings", "unchecked": "could not be checked."}
+
+
+def _there(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
+    path = f"/api/deployments/{arguments.deployment}/files"
+    with open_remote(arguments) as client:
+        body = {"no_better_data": arguments.no_better_data}
+        made = result_of(client, client.post(path, json=body))["file"]
+        (file,) = [one for one in checked(client.get(path)).json()["files"] if one["id"] == made]
+        target = _free(arguments.folder / file["name"])
+        with client.stream("GET", f"{path}/{made}") as answer, target.open("xb") as content:
+            answer.raise_for_status()
+            for part in answer.iter_bytes():
+                content.write(part)
+    return target, file["checks"]
+
+
+def _here(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
+    settings = settings_of(arguments)
+    at = clock_of(settings).now()
+    with open_store(settings) as store:
+        try:
+            with store.read() as session:
+                order = order_of(
+                    session,
+                    arguments.deployment,
+                    database_url=settings.resolved_database_url,
+                    data_dir=settings.data_dir,
+                    no_better_data=arguments.no_better_data,
+                    at=at,
+                )
+            target = _free(arguments.folder / f"{order.identity}.nc")
+            kept = file_task.run(order, lambda _: None, lambda: False)
+        except Problem as problem:
+            raise CommandError(refusal(problem)) from problem
+        except ValueError as error:
+            raise CommandError(str(error)) from error
+        store.change(lambda session: write_kept(session, order, kept, at, BY)).result()
+    shutil.copyfile(file_task.kept_path(settings.data_dir / FOLDER, kept.sha256), target)
+    return target, [asdict(one) for one in kept.checks]
+
+
+def _free(target: Path) -> Path:
+    if target.exists():
+        raise CommandError(f"{target} is there already; nothing was written.")
+    return target

@@ -1,0 +1,143 @@
+"""Writes, checks and keeps one file of a deployment, in a worker process."""
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+from sqlalchemy.orm import Session
+
+from server.delivery.field_check import field_checks
+from server.delivery.finding import CheckReport, Finding
+from server.delivery.judged import IsCancelled, Judged, Report, blocks_of, judged, reading
+from server.delivery.og1_channel import file_variable
+from server.delivery.og1_file import NO_PLACE, FileOrder, Written, write_file
+from server.delivery.own_check import own_checks
+
+TASK = f"{__name__}:run"
+OWN_SUITE = "own"
+
+
+@dataclass(frozen=True, slots=True)
+class KeptFile:
+    """A file that is kept by its hash, with what the checks say of it."""
+
+    name: str
+    sha256: str
+    bytes: int
+    rows: int
+    source_sha256: str
+    raised: int
+    """Depths just above the surface that stand as 0."""
+    left_out: int
+    """Further measurements of a channel at one moment."""
+    checks: tuple[CheckReport, ...]
+
+
+def kept_path(folder: Path, sha256: str) -> Path:
+    """Return where a file of this content is kept."""
+    return folder / f"{sha256}.nc"
+
+
+def run(order: FileOrder, report: Report, is_cancelled: IsCancelled) -> KeptFile:
+    """Write a file, check it, and keep it whole or not at all.
+
+    Raises:
+        WorkCancelledError: If the work is not wanted any more.
+        ValueError: If the disk does not take the file.
+    """
+    order.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    part = order.folder / f".{secrets.token_hex(8)}.part.nc"
+    try:
+        report((0.05, "Reading and judging"))
+        with reading(order.wanted.database_url) as session:
+            found = judged(session, order.wanted, is_cancelled)
+            written = _written(session, order, found, part, report, is_cancelled)
+            report((0.72, "Reading it back"))
+            findings = own_checks(part, f"{order.identity}.nc")
+            findings += list(_differences(session, order, written, is_cancelled))
+        own = CheckReport(
+            OWN_SUITE, order.software, "findings" if findings else "passed", tuple(findings), "", 0
+        )
+        report((0.8, "Asking the checkers of the field"))
+        checks = (own, *field_checks(part, is_cancelled))
+        sha256, size = _synced(part)
+        part.replace(kept_path(order.folder, sha256))
+    finally:
+        part.unlink(missing_ok=True)
+    return KeptFile(
+        name=f"{order.identity}.nc",
+        sha256=sha256,
+        bytes=size,
+        rows=written.rows,
+        source_sha256=written.source_sha256,
+        raised=written.raised,
+        left_out=found.left_out,
+        checks=checks,
+    )
+
+
+def _written(
+    session: Session,
+    order: FileOrder,
+    found: Judged,
+    part: Path,
+    report: Report,
+    is_cancelled: IsCancelled,
+) -> Written:
+    try:
+        return write_file(session, order, found, part, report, is_cancelled)
+    except (OSError, RuntimeError) as error:
+        raise ValueError(
+            f"the disk did not take the file ({error}); make room and write it again"
+        ) from error
+
+
+def _differences(
+    session: Session, order: FileOrder, written: Written, is_cancelled: IsCancelled
+) -> Iterator[Finding]:
+    """Yield where a file, read again, is not what it was made of."""
+    offset = 0
+    different = dict.fromkeys(("TIME", "DEPTH", *_names(order)), 0)
+    with netCDF4.Dataset(written.path) as file:
+        file.set_auto_maskandscale(False)
+        for block in blocks_of(session, order.wanted, is_cancelled):
+            rows = slice(offset, offset + len(block))
+            offset += len(block)
+            different["TIME"] += int(
+                np.count_nonzero(file["TIME"][rows] != block.measured_at_us / 1e6)
+            )
+            depth = block.position_ned[:, 2]
+            margin = order.wanted.rules.depth.above_m
+            expected = np.where((depth < 0.0) & (depth >= -margin), 0.0, depth)
+            expected = np.where(np.isfinite(expected), expected, NO_PLACE)
+            different["DEPTH"] += int(np.count_nonzero(file["DEPTH"][rows] != expected))
+            for name, key in _names(order).items():
+                values = block.value[key].astype(np.float32)
+                same = np.array_equal(file[name][rows], values, equal_nan=True)
+                different[name] += 0 if same else len(block)
+        count = len(file["TIME"])
+    if count != offset:
+        different["TIME"] += abs(count - offset)
+    for name, number in different.items():
+        if number:
+            what = f"{number} values are not what was kept."
+            yield Finding("round_trip", name, what, "Write the file anew; look after the disk.")
+
+
+def _names(order: FileOrder) -> dict[str, str]:
+    return {file_variable(channel).name: key for key, channel in order.channels.items()}
+
+
+def _synced(part: Path) -> tuple[str, int]:
+    """Have the disk keep a file; return the hash of its content and its size."""
+    digest = hashlib.sha256()
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+        while chunk := file.read(1 << 20):
+            digest.update(chunk)
+        return digest.hexdigest(), file.tell()

@@ -1,0 +1,201 @@
+"""Files of deployments: which may be written, who wrote them, what the checks say."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy.orm import Session
+
+from autonomy.field.config import FieldConfig
+from db.fault import StoreError
+from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.query.fleet.robots import get_robot
+from db.query.measured.delivery_files import DeliveryFile, add_delivery_file, delivery_files
+from db.query.measured.quality import manual_flags
+from db.query.station.events import add_event
+from db.query.station.jobs import JobRecord
+from robot_link.delivery_config import DeliveryMetadata
+from server.base.channels import catalogue_in
+from server.base.configuration import current
+from server.base.configuration_kind import find_kind
+from server.base.foundation import Foundation
+from server.base.job import JobProgress
+from server.base.problem import FieldError, conflict, unprocessable
+from server.base.study import worked_out
+from server.delivery import file_task
+from server.delivery.file_task import KeptFile
+from server.delivery.og1_file import FileOrder
+from server.delivery.quality import wanted_of
+
+JOB = "file"
+FOLDER: Final = "delivery"
+"""Of the data folder."""
+SIGNED: Final = ("reviewed", "delivered")
+
+
+def mode_of(record: DeploymentRecord) -> str:
+    """Return the mode of a file of a deployment as it stands now.
+
+    D once it is reviewed. Before, R for what came by telemetry, P for an imported recording.
+    """
+    if record.state in SIGNED:
+        return "D"
+    return "P" if record.kind == "recorded" else "R"
+
+
+def metadata_of(session: Session, robot: str) -> DeliveryMetadata:
+    """Return what is to be said of a robot's data."""
+    return current(session, find_kind("delivery"), robot).value_as(DeliveryMetadata)
+
+
+def order_of(
+    session: Session,
+    deployment: str,
+    *,
+    database_url: str,
+    data_dir: Path,
+    no_better_data: bool,
+    at: datetime,
+) -> FileOrder:
+    """Return what is to be written of a deployment now.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+        Problem: 409 if it has not begun or is void; 422 with the path of each field that the
+            metadata lack.
+    """
+    record = get_deployment(session, deployment)
+    if record.void_reason:
+        raise conflict(f"{deployment} is void: {record.void_reason}")
+    mode = mode_of(record)
+    wanted = wanted_of(session, deployment, database_url, smoothed=mode == "D")
+    metadata = metadata_of(session, record.robot)
+    errors = [
+        FieldError(loc=["metadata", *path.split(".")], msg=f"{title}: must be filled in")
+        for path, title in metadata.missing()
+    ]
+    if mode == "D" and record.kind == "live" and not no_better_data:
+        words = "confirm that no better data exist: nothing was recovered from the robot's card"
+        errors.append(FieldError(loc=["no_better_data"], msg=words))
+    if errors:
+        raise unprocessable("The file cannot be written yet; no file was written.", errors)
+    known = catalogue_in(session)
+    field = current(session, find_kind("field"), record.robot).value_as(FieldConfig)
+    review = record.document.get("review") or {}
+    before = delivery_files(session, deployment, 1)
+    return FileOrder(
+        wanted=wanted,
+        robot=get_robot(session, record.robot),
+        channels={key: known[key] for key in wanted.channels},
+        metadata=metadata,
+        thresholds_m=tuple(field.fidelity_thresholds_m),
+        manual=tuple(manual_flags(session, deployment)),
+        mode=mode,
+        signed_by=str(review.get("by", "")) if mode == "D" else "",
+        written_at=at,
+        software=f"grace-ground-station {version('grace-ground-station')}",
+        folder=data_dir / FOLDER,
+        earlier=str(before[0].document["history"]) if before else "",
+    )
+
+
+def write_kept(
+    session: Session, order: FileOrder, kept: KeptFile, at: datetime, by: str
+) -> DeliveryFile:
+    """Note a file that is kept, with its event."""
+    record = order.wanted.deployment
+    file = add_delivery_file(
+        session,
+        record.id,
+        name=kept.name,
+        mode=order.mode,
+        sha256=kept.sha256,
+        size=kept.bytes,
+        rows=kept.rows,
+        document=_document(order, kept),
+        at=at,
+        by=by,
+    )
+    findings = sum(len(one.findings) for one in kept.checks)
+    unchecked = [one.suite for one in kept.checks if one.state == "unchecked"]
+    verdict = f"{findings} findings" if findings else "no finding"
+    if unchecked:
+        verdict += f"; could not be checked: {', '.join(unchecked)}"
+    text = f"{by}: {kept.name} was written of {record.id}, {kept.rows} rows, {verdict}."
+    data = {"deployment": record.id, "file": file.id, "sha256": kept.sha256}
+    add_event(session, at, "deployment.written", text, robot=record.robot, data=data)
+    return file
+
+
+def _document(order: FileOrder, kept: KeptFile) -> Mapping[str, Any]:
+    return {
+        "checks": [asdict(one) for one in kept.checks],
+        "source_sha256": kept.source_sha256,
+        "history": order.history,
+        "raised": kept.raised,
+        "left_out": kept.left_out,
+        "rule_set_sha256": order.wanted.rules.sha256,
+        "metadata": order.metadata.model_dump(mode="json"),
+    }
+
+
+class DeliveryFiles:
+    """Has files written, one at a time for each deployment. Belongs to one event loop."""
+
+    def __init__(self, foundation: Foundation) -> None:
+        self._foundation = foundation
+        self._running: set[str] = set()
+
+    async def start(self, deployment: str, *, no_better_data: bool, by: str) -> JobRecord:
+        """Begin to write a file.
+
+        Raises:
+            UnknownIdError: If there is none of this id.
+            Problem: 409 if it has not begun, is void, or a file is being written; 422 for what
+                the metadata lack.
+        """
+        foundation = self._foundation
+        at = foundation.clock.now()
+        order = await foundation.store.query(
+            lambda session: order_of(
+                session,
+                deployment,
+                database_url=foundation.settings.resolved_database_url,
+                data_dir=foundation.settings.data_dir,
+                no_better_data=no_better_data,
+                at=at,
+            )
+        )
+        if deployment in self._running:
+            raise conflict(f"A file of {deployment} is being written; wait for it, or cancel it.")
+        self._running.add(deployment)
+        try:
+            return await foundation.jobs.start(
+                JOB,
+                lambda progress: self._work(order, by, progress),
+                by=by,
+                robot=order.robot.id,
+            )
+        except StoreError:
+            self._running.discard(deployment)
+            raise
+
+    async def _work(self, order: FileOrder, by: str, progress: JobProgress) -> dict[str, str]:
+        foundation, deployment = self._foundation, order.wanted.deployment.id
+        try:
+            kept = await worked_out(
+                foundation.study_workers,
+                file_task.TASK,
+                order,
+                lambda news: progress.report(*news),
+            )
+            at = foundation.clock.now()
+            file = await foundation.store.write(
+                lambda session: write_kept(session, order, kept, at, by)
+            )
+        finally:
+            self._running.discard(deployment)
+        return {"deployment": deployment, "file": file.id}

@@ -1,0 +1,96 @@
+"""Files of deployments by REST: refused by field, written in the background, fetched whole."""
+
+import hashlib
+
+import netCDF4
+
+from server.access.role import Role
+from server.delivery import file_task
+from tests.server.conftest import MINI, api_client, until
+from tests.server.deployment.shore import answered
+
+METADATA = {
+    "principal_investigator": {"name": "Ann", "email": "ann@example.org"},
+    "operating_agency": "A lake station",
+    "license": "CC-BY-4.0",
+}
+
+
+async def write(client, path, **body):
+    job = await answered(client.post(f"{path}/files", json=body), 202)
+
+    async def ended():
+        told = await answered(client.get(f"/api/jobs/{job['id']}"))
+        return told["state"] not in ("queued", "running") and told
+
+    return await until(ended, timeout_s=280.0)
+
+
+async def test_what_the_metadata_lack_is_named_and_no_file_is_written(client, deployment):
+    known = await answered(client.get(f"{deployment}/files"))
+    assert (known["mode"], known["files"]) == ("R", [])
+    refused = await answered(client.post(f"{deployment}/files"), 422)
+    paths = [".".join(one["loc"]) for one in refused["errors"]]
+    assert paths == [f"metadata.{one['path']}" for one in known["missing"]]
+    assert paths == [
+        "metadata.principal_investigator.name",
+        "metadata.principal_investigator.email",
+        "metadata.operating_agency",
+        "metadata.license",
+    ]
+    comma = {"principal_investigator": {"name": "Ann, Ben"}}
+    refused = await answered(client.patch("/api/config/delivery", json=comma), 422)
+    assert refused["errors"][0]["loc"] == ["principal_investigator", "name"]
+
+
+async def test_a_file_is_written_checked_listed_and_fetched(
+    client, deployment, monkeypatch, tmp_path
+):
+    """In the station's own process: what the checkers say is asked elsewhere."""
+    monkeypatch.setattr(file_task, "field_checks", lambda *_: [])
+
+    async def run_here(pool, task, payload, *, on_progress=None, processor_limit_s=None):
+        return file_task.run(payload, on_progress or (lambda _: None), lambda: False)
+
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", run_here)
+    await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
+    told = await write(client, deployment)
+    assert told["state"] == "done", told["message"]
+    (file,) = (await answered(client.get(f"{deployment}/files")))["files"]
+    assert file["id"] == told["result"]["file"]
+    assert file["name"].startswith("SIMULATION_mini-1_")
+    assert file["name"].endswith("_R.nc")
+    (own,) = file["checks"]
+    assert (own["suite"], own["state"]) == ("own", "passed"), own
+    answer = await client.get(f"{deployment}/files/{file['id']}")
+    assert hashlib.sha256(answer.content).hexdigest() == file["sha256"]
+    assert file["name"] in answer.headers["content-disposition"]
+    await answered(client.get(f"{deployment}/files/file-99"), 404)
+    when = {"started_at": "2026-01-01T00:00:00Z"}
+    refused = await answered(client.patch(deployment, json=when), 409)
+    assert "keeps its times" in refused["detail"]
+    await answered(client.post(f"{deployment}/end"))
+    await answered(client.post(f"{deployment}/review"))
+    refused = await answered(client.post(f"{deployment}/files"), 422)
+    assert refused["errors"][0]["loc"] == ["no_better_data"]
+    assert (await write(client, deployment, no_better_data=True))["state"] == "done"
+    newest, _ = (await answered(client.get(f"{deployment}/files")))["files"]
+    assert newest["mode"] == "D"
+    path = tmp_path / "newest.nc"
+    path.write_bytes((await client.get(f"{deployment}/files/{newest['id']}")).content)
+    with netCDF4.Dataset(path) as found:
+        first, second = found.history.splitlines()
+    assert "wrote mode R of deployment-1" in first
+    assert "wrote mode D of deployment-1, signed by" in second
+
+
+async def test_a_void_or_planned_deployment_has_no_file_and_a_viewer_only_looks(client, station):
+    planned = await answered(client.post("/api/deployments", json={"robot": MINI}), 201)
+    path = f"/api/deployments/{planned['id']}"
+    assert await answered(client.post(f"{path}/files"), 409)
+    await answered(client.post(f"{path}/void", json={"reason": "On the bench."}))
+    refused = await answered(client.post(f"{path}/files"), 409)
+    assert "is void: On the bench." in refused["detail"]
+    async with api_client(station, Role.VIEWER) as viewer:
+        assert (await viewer.get(f"{path}/files")).status_code == 200
+        assert (await viewer.post(f"{path}/files")).status_code == 403
