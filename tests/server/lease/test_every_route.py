@@ -45,7 +45,7 @@ HOLDERS = {
     "another ground station": set[str](),
 }
 """Who is in charge, and whom that lets send something."""
-IN_FULL = ((Role.PILOT, Role.NONE), (Role.NONE, Role.PILOT), (Role.VIEWER, Role.NONE))
+IN_FULL = ((Role.PILOT, Role.NONE), (Role.NONE, Role.PILOT))
 """Callers for whom the routes that send nothing are asked too, for every holder."""
 
 

@@ -64,6 +64,11 @@ export function chargeText(lease: ToldLease | null, localNow: number): string {
   return silent < 60 ? `${who} is in charge` : `${who} is in charge, silent for ${minutes(silent)}`;
 }
 
+/** Whether a person may request it: nobody has, or another ground station, which gives way. */
+export function isRequestable({ request }: Pick<ToldLease, 'request'>): boolean {
+  return request === null || request.ends_in_s !== null;
+}
+
 /** What becomes of a request that nobody answers; empty without one. */
 export function unansweredText(lease: ToldLease, localNow: number): string {
   const { granted_in_s = null, ends_in_s = null } = lease.request ?? {};

@@ -1,5 +1,12 @@
 import { describe, expect, it } from 'vitest';
-import { chargeText, minutes, silentNow, unansweredText, type ToldLease } from './lease.svelte';
+import {
+  chargeText,
+  isRequestable,
+  minutes,
+  silentNow,
+  unansweredText,
+  type ToldLease,
+} from './lease.svelte';
 
 const HELD: ToldLease = {
   robot: 'mini-1',
@@ -42,6 +49,7 @@ describe('who is in charge', () => {
     expect(unansweredText(byPerson, 121_000)).toBe('Granted by itself in 8 min without an answer.');
     const byStation = { ...HELD, request: { ...asked, granted_in_s: null, ends_in_s: 30 } };
     expect(unansweredText(byStation, 11_000)).toBe('Refused by itself in 20 s without an answer.');
+    expect([HELD, byPerson, byStation].map(isRequestable)).toEqual([true, false, true]);
     expect(unansweredText(byStation, 90_000)).toBe('Refused by itself in 0 s without an answer.');
   });
 
