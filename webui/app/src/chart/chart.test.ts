@@ -4,7 +4,7 @@ import type { FieldMap, Leg } from '../api/types';
 import { colourTable, tableIndex } from './colour_map';
 import { chartOptions, padded } from './line_chart';
 import { fidelityRuns, legPoints } from './path';
-import { aloneAt, append, sparkDots, sparkPath, trim, withGaps } from './series';
+import { aloneAt, append, lastIndex, sparkDots, sparkPath, trim, withGaps } from './series';
 import {
   cutPositions,
   cutSlice,
@@ -132,6 +132,12 @@ describe('a colour map', () => {
 });
 
 describe('a series', () => {
+  test('has its last value before gaps and what is only promised', () => {
+    expect(lastIndex([1, 2, null, undefined, null])).toBe(1);
+    expect(lastIndex([null, undefined])).toBe(-1);
+    expect(lastIndex(undefined)).toBe(-1);
+  });
+
   test('shows a gap as a gap', () => {
     const series = { t: [0, 1, 2, 3, 60, 61], v: [1, 2, 3, 4, 5, 6] };
     expect(withGaps(series).v).toEqual([1, 2, 3, 4, null, 5, 6]);

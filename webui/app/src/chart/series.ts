@@ -36,6 +36,14 @@ export function withGaps(series: Series, asked = Infinity): Series {
   return result;
 }
 
+/** Where the last value is that there is; -1 where there is none. */
+export function lastIndex(values: ArrayLike<number | null | undefined> | undefined): number {
+  for (let i = (values?.length ?? 0) - 1; i >= 0; i--) {
+    if (typeof values?.[i] === 'number') return i;
+  }
+  return -1;
+}
+
 /**
  * Where a value has no neighbour that a line could lead to.
  *
