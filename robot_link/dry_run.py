@@ -68,6 +68,11 @@ class DryRunProblem:
     unknown_current_std_m_s: float = 0.0
     """Standard deviation per axis of what nobody knows of the current that stays; each flight meets
     another part of it, and they cancel over all flights."""
+    known_current_std_m_s: float | None = None
+    """How well the robot says that it knows the current when it begins, standard deviation per
+    axis; ``None`` where it knows as little as when it is switched on."""
+    doubt: float = 1.0
+    """How many times larger than its filter's own it states deviations when it begins."""
     runs: int = 4
     """How many times it is flown, each in other eddies."""
     seed: int = 0
@@ -110,6 +115,17 @@ class Chance:
     name: str
     share: float
     """Part of the flights, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailedFlight:
+    """A flight that could not be computed, which says nothing of the mission."""
+
+    number: int
+    """Among the flights of its dry run, counted from 0."""
+    seed: int
+    """Of the dry run; with the number it repeats the flight."""
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,6 +268,8 @@ class DryRun:
     """Of many flights."""
     safety: Safety | None = None
     """Likewise."""
+    failed: tuple[FailedFlight, ...] = ()
+    """Flights that could not be computed; all else is told by the others."""
     not_rehearsed: str = ""
     """What was left out, for a person."""
 

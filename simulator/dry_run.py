@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.current.table import table_of
+from autonomy.estimation.known_current import SETTLING_S
 from autonomy.planner.plan import PositionNed
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
@@ -25,8 +26,6 @@ from simulator.flow import Tabled
 from simulator.robot import SimulatedRobot
 
 _EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
-_SETTLING_S = 20.0
-"""Time at the surface before the start, in which the robot's estimate settles."""
 _ROW_EVERY = 10
 """Steps of the onboard program between two rows of a track."""
 _LOOK_EVERY = 500
@@ -128,7 +127,7 @@ def _robot(problem: DryRunProblem, number: int) -> SimulatedRobot:
     """Return a robot that floats at the start, with the faults that the trim is for."""
     current, seed = _current_ne_m_s(problem, number), problem.seed + number
     definition = definition_of(problem, current)
-    robot = SimulatedRobot(definition, seed, _EPOCH, water_s=-_SETTLING_S)
+    robot = SimulatedRobot(definition, seed, _EPOCH, water_s=-SETTLING_S)
     settings = problem.mission.settings
     robot.body.sensors.buoyancy_bias_kg = settings.net_buoyancy_offset_kg
     robot.body.sensors.mass_position_bias_m = settings.mass_position_offset_m
@@ -149,7 +148,7 @@ def fly(problem: DryRunProblem, number: int, is_cancelled: Callable[[], bool]) -
     """
     robot, radio, flight = _robot(problem, number), _Notebook(), Flight()
     program, executive = robot.program, robot.program.executive
-    while program.time_s < _SETTLING_S:
+    while program.time_s < SETTLING_S:
         robot.step(radio)
     program.take_plan(problem.mission)
     if program.obey(CommandKind.START, problem.mission.sha256()) is not CommandOutcome.DONE:

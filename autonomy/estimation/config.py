@@ -3,6 +3,8 @@
 import math
 from typing import Literal
 
+from pydantic.json_schema import SkipJsonSchema
+
 from autonomy.configuration import Configuration, quantity
 
 FASTEST_CURRENT_M_S = 3.0
@@ -25,6 +27,11 @@ class EstimatorConfig(Configuration):
     it; as delivered that of the kind of water. A plan reckons with the planner's copy until the
     robot has said what it knows; a map reckons with the field's; the robot begins with its own,
     which nothing that is set at the station changes."""
+    untold_current_m_s: SkipJsonSchema[float | None] = quantity(
+        None, "m/s", title="Unknown current that nobody told of", ge=0.0, le=FASTEST_CURRENT_M_S
+    )
+    """The same where nothing is told; what was told is forgotten towards it. The station writes it
+    where ``steady_current_m_s`` is how well a robot knows the current now; None is that."""
     current_memory_s: float = quantity(
         36000.0, "s", title="Current stays for", ge=60.0, le=1e7, advanced=True
     )
@@ -56,10 +63,16 @@ class EstimatorConfig(Configuration):
     )
     """How strongly the depth error corrects the velocity observer's depth."""
 
+    @property
+    def usual_current_m_s(self) -> float:
+        """Standard deviation per axis of the current that stays where nothing is told of it."""
+        untold = self.untold_current_m_s
+        return self.steady_current_m_s if untold is None else untold
+
     def current_std_after(self, std_m_s: float, age_s: float) -> float:
         """Return how well a steady current is known that was known to ``std_m_s`` a while ago."""
         kept = math.exp(-2.0 * age_s / self.current_memory_s)
-        return math.sqrt(kept * std_m_s**2 + (1.0 - kept) * self.steady_current_m_s**2)
+        return math.sqrt(kept * std_m_s**2 + (1.0 - kept) * self.usual_current_m_s**2)
 
 
 ESTIMATOR_PRESETS: dict[str, EstimatorConfig] = {

@@ -16,6 +16,7 @@ from autonomy.arrays import FloatArray
 from autonomy.estimation import model_kernel as kernel
 from autonomy.estimation.config import EstimatorConfig, ModelFilterConfig
 from autonomy.estimation.fix_watch import SHORTEST_DIVE_S, FixGate, FixWatch, Verdict
+from autonomy.estimation.known_current import UNTOLD
 from autonomy.estimation.telling_stay import telling_stay_s
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import Vehicle
@@ -26,9 +27,6 @@ LONGEST_STEP_S = 0.1
 LONGEST_SILENCE_S = 5.0
 """After a longer time without readings nothing but a widened covariance is claimed."""
 _FIRST_SPEED_STD_M_S = 0.05
-UNTOLD = 1.5
-"""How strong the current is here is a guess itself: until a fix tells, the filter begins with so
-much more. A Student's t of four degrees of freedom has its 95 % circle there."""
 FASTEST_CURRENT_STDS = 4.0
 """The robot may move over ground by its own speed and a current of so many standard deviations."""
 _HORIZONTAL = [kernel.NORTH, kernel.EAST]

@@ -2,9 +2,10 @@
 
 Model (thesis 5.4.2): constant velocity driven by white acceleration. Near the surface position and
 velocity are measured, deeper only depth and velocity. All noise is diagonal, so north, east and
-down decouple and one axis has a covariance of three numbers. A steady current of standard deviation
-b that nobody knows adds ``b^2 t^2``, t the time since the last fix. Nothing here is compiled: the
-station plans with it, and never loads a compiler.
+down decouple and one axis has a covariance of three numbers. A steady current that is known to a
+standard deviation b adds ``b^2 t^2``, t the time since the last fix, and what becomes of it in that
+time (``known_current``). Nothing here is compiled: the station plans with it, and never loads a
+compiler.
 """
 
 import math
@@ -14,9 +15,12 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
+from autonomy.estimation.known_current import carried_variance, forgotten_per_s3
 
 STD_95 = 2.4477
 """Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
+_NEWTON_STEPS = 60
+"""From far beyond, where the cube rules, each takes a third off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +93,9 @@ class ExpectedPosition:
         self._config, self._interval_s = config, interval_s
         self._unseen = [surface_covariance(config, interval_s)]
         """After so many intervals without a fix, from 0 on."""
-        self._unseen_std: list[float] = []
-        """After so many intervals without a fix, from 1 on."""
 
     def std(self, times_s: FloatArray, depths_m: FloatArray) -> FloatArray:
-        r"""Predict it for the points of one dive.
+        r"""Predict it for the points of one dive, the current known as the settings say.
 
         Args:
             times_s: Time of each point since the start, ascending, shape ``(m,)``.
@@ -102,17 +104,33 @@ class ExpectedPosition:
         Returns:
             :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(m,)``, m.
         """
+        walked, blind_s = self.walk(times_s, depths_m)
+        return position_std(self._config, self._config.steady_current_m_s, walked, blind_s)
+
+    def walk(self, times_s: FloatArray, depths_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what of it is no steady current, as a variance, and the times without a fix.
+
+        Args:
+            times_s: Time of each point since the start, ascending, shape ``(m,)``.
+            depths_m: Depth of each, shape ``(m,)``.
+
+        Returns:
+            Variance per axis, m^2, and time since the last fix, s, at each point, shape ``(m,)``.
+        """
         config, points = self._config, list(zip(times_s.tolist(), depths_m.tolist(), strict=True))
         alike = self._alike(points)
-        axis, std = self._unseen[alike], self._unseen_std[:alike]
+        axis = self._unseen[alike]
+        walked = [one.position for one in self._unseen[1 : alike + 1]]
+        blind = [number * self._interval_s for number in range(1, alike + 1)]
         before = blind_s = points[alike - 1][0] if alike else 0.0
         for time, depth in points[alike:]:
             step_s, has_fix = time - before, depth <= config.surface_depth_m
             axis = axis.step(config, step_s, has_fix=has_fix)
             blind_s = 0.0 if has_fix else blind_s + step_s
-            std.append(self._std(axis, blind_s))
+            walked.append(axis.position)
+            blind.append(blind_s)
             before = time
-        return np.array(std)
+        return np.array(walked), np.array(blind)
 
     def _alike(self, points: list[tuple[float, float]]) -> int:
         """Return how many points come one interval after the other without a fix.
@@ -125,15 +143,24 @@ class ExpectedPosition:
             if depth <= self._config.surface_depth_m or not is_usual:
                 break
             alike, before = alike + 1, time
-        for number in range(len(self._unseen), alike + 1):
+        while len(self._unseen) <= alike:
             axis = self._unseen[-1].step(self._config, self._interval_s, has_fix=False)
             self._unseen.append(axis)
-            self._unseen_std.append(self._std(axis, number * self._interval_s))
         return alike
 
-    def _std(self, axis: AxisCovariance, blind_s: float) -> float:
-        variance = axis.position + (self._config.steady_current_m_s * blind_s) ** 2
-        return self._config.doubt * math.sqrt(variance)
+
+def position_std(
+    config: EstimatorConfig, current_std_m_s: float, walked: FloatArray, blind_s: FloatArray
+) -> FloatArray:
+    """Return how uncertain a robot states its position to be, m.
+
+    Args:
+        config: How far it doubts itself, and what becomes of what it knows of the current.
+        current_std_m_s: How well the current is known when the last fix comes.
+        walked: As ``ExpectedPosition.walk`` returns it.
+        blind_s: Likewise.
+    """
+    return config.doubt * np.sqrt(walked + carried_variance(config, current_std_m_s, blind_s))
 
 
 def expected_position_std(
@@ -148,8 +175,8 @@ def expected_position_std(
 
 def drifted_variance(config: EstimatorConfig, blind_s: float) -> float:
     """Return by what variance a position is lost per axis in a time without a fix, m^2."""
-    steady_m = config.steady_current_m_s * blind_s
-    return config.doubt**2 * (config.drift_m_sqrt_s**2 * blind_s + steady_m**2)
+    carried = carried_variance(config, config.steady_current_m_s, blind_s)
+    return config.doubt**2 * (config.drift_m_sqrt_s**2 * blind_s + carried)
 
 
 def blind_time_s(config: EstimatorConfig, variance: float) -> float:
@@ -162,4 +189,12 @@ def blind_time_s(config: EstimatorConfig, variance: float) -> float:
     walk, steady = config.drift_m_sqrt_s**2, config.steady_current_m_s**2
     variance /= config.doubt**2
     # the root of steady t^2 + walk t = variance in the form that holds for steady = 0 too
-    return 2.0 * variance / (walk + math.sqrt(walk**2 + 4.0 * steady * variance))
+    time_s = 2.0 * variance / (walk + math.sqrt(walk**2 + 4.0 * steady * variance))
+    growth = forgotten_per_s3(config, config.steady_current_m_s)
+    if growth == 0.0 or not math.isfinite(time_s):
+        return time_s
+    # beyond the root of growth t^3 + steady t^2 + walk t, which is convex, Newton comes down to it
+    for _ in range(_NEWTON_STEPS):
+        beyond = time_s * (walk + time_s * (steady + time_s * growth)) - variance
+        time_s -= beyond / (walk + time_s * (2.0 * steady + 3.0 * time_s * growth))
+    return time_s

@@ -10,7 +10,7 @@ import numpy as np
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.detour import shortest_way
 from autonomy.planner.leg import primitive
-from autonomy.planner.leg.edge import legs_duration_s, legs_energy, planned_points, refitted
+from autonomy.planner.leg.edge import expected_points, legs_duration_s, legs_energy, refitted
 from autonomy.planner.leg.waterway import Waterway, closed_areas, depth_at, waterway_of
 from autonomy.planner.outcome import least_spending, sentence, spending
 from autonomy.planner.plan import Candidate, Leg, PlanResult
@@ -167,7 +167,7 @@ def preceded(
 
 def _preceded(candidate: Candidate, first: tuple[Leg, ...], config: PlannerConfig) -> Candidate:
     legs = refitted(config, (*first, *candidate.legs))
-    points = planned_points(config, legs)
+    points = expected_points(config, legs)
     return replace(
         candidate,
         legs=legs,

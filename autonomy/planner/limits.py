@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from autonomy.current.table import FlowTable
+from autonomy.estimation.known_current import forgotten_per_s3
 from autonomy.estimation.position import surface_covariance
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.drift import has_current
@@ -58,6 +59,8 @@ class Limits(NamedTuple):
     acceleration_density: float
     steady_current: float
     """Standard deviation per axis of the steady current that nobody knows, m/s."""
+    forgotten: float
+    """What is known of it is lost as the cube of the time without a fix, m2/s3."""
     doubt: float
     """Factor on the position's standard deviation."""
     turn_time: float
@@ -118,6 +121,7 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         drift_variance=position.drift_m_sqrt_s**2,
         acceleration_density=position.acceleration_density,
         steady_current=position.steady_current_m_s,
+        forgotten=forgotten_per_s3(position, position.steady_current_m_s),
         doubt=position.doubt,
         turn_time=config.mission.turn_time_s,
         time_budget=config.time_budget_s,

@@ -301,6 +301,12 @@ def offered(
     return replace(result, message=sentence(config, budget, result, best))
 
 
+def _supposed(config: PlannerConfig) -> str:
+    """Return on which knowledge of the current an uncertainty rests; "" without any current."""
+    std_m_s = config.position_filter.doubt * config.position_filter.steady_current_m_s
+    return f" if the current is known to {100.0 * std_m_s:.2g} cm/s" if std_m_s > 0.0 else ""
+
+
 def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Candidate) -> str:
     """Return what a person reads of a search that found ``best``, by the account of ``best``.
 
@@ -312,7 +318,8 @@ def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Can
     """
     text = (
         f"spends {best.energy:.1f} of {budget:.4g} energy units in {_duration(best.duration_s)}, "
-        f"position uncertainty at most {best.worst_std_m:.2g} m, {_worth(config, best)}."
+        f"position uncertainty at most {best.worst_std_m:.2g} m{_supposed(config)}, "
+        f"{_worth(config, best)}."
     )
     least = config.search.min_budget_fraction
     if spending(config, best.legs).greatest_share(config, budget) <= least:

@@ -12,6 +12,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import MODEL_FILTER_PRESETS, EstimatorConfig, ModelFilterConfig
+from autonomy.estimation.known_current import TOLD_LEAST_M_S, TOLD_SHARE
 from autonomy.estimation.model_filter import ModelFilter
 from autonomy.estimation.position_filter import PositionFilter
 from autonomy.estimation.velocity_observer import VelocityObserver
@@ -21,8 +22,6 @@ from autonomy.vehicle.config import Vehicle
 from onboard.flight.hardware import Readings, SetPoints
 
 FIX_HOLDS_S = 2.0
-TOLD_SHARE, TOLD_LEAST_M_S = 0.5, 0.001
-"""Standard deviation of a plan's word of the current, as a share of the prior's."""
 _SENSED = tuple(field.name for field in fields(Readings) if field.name != "fix_ne_m")
 _sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
 

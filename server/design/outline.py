@@ -17,7 +17,7 @@ from autonomy.estimation.energy_use import Use
 from autonomy.estimation.position import blind_time_s
 from autonomy.planner.check.check import violations
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.leg.edge import doubts, legs_duration_s, legs_energy, surfacings
+from autonomy.planner.leg.edge import dives_of, doubts, legs_duration_s, legs_energy, surfacings
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.planner.work import joules_per_unit
 from autonomy.site import Site
@@ -352,9 +352,4 @@ def _credits(
 
 def worst_std_m(legs: Sequence[Leg], rules: PlannerConfig) -> float:
     """Return the greatest standard deviation of the position between two surfacings, m."""
-    begin, dives = 0, list[Sequence[Leg]]()
-    for number, leg in enumerate(legs, start=1):
-        if leg.end_ned[2] <= 0.0:
-            dives.append(legs[begin:number])
-            begin = number
-    return max((float(std_m.max()) for _, std_m in doubts(rules, dives)), default=0.0)
+    return max((float(std_m.max()) for _, std_m in doubts(rules, dives_of(legs))), default=0.0)

@@ -29,6 +29,7 @@ from server.plan.view import (
     ChanceView,
     ComesUpView,
     DryRunView,
+    FailedFlightView,
     FlightBandView,
     InheritedView,
     LadderView,
@@ -447,6 +448,7 @@ def dry_run_view(found: Mapping[str, Any]) -> DryRunView:
     fields["broken"] = [ViolationView(**one) for one in found.get("broken", ())]
     fields["band"] = _band_view(found.get("band"))
     fields["safety"] = _safety_view(found.get("safety"))
+    fields["failed"] = [FailedFlightView(**one) for one in found.get("failed", ())]
     return DryRunView(**fields)
 
 

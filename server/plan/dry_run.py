@@ -169,8 +169,9 @@ class DryRuns:
         status, vehicle = self._fleet.status(robot), self._fleet.vehicle(robot)
         if vehicle is None:
             return None
-        state = status.state
+        state, position = status.state, config.position_filter
         told = None if state is None else state.battery_fraction
+        known_m_s = position.steady_current_m_s
         return DryRunProblem(
             mission=mission,
             planned_points=points,
@@ -178,10 +179,13 @@ class DryRuns:
             site=status.record.site,
             start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
             heading_rad=0.0 if state is None else state.heading_rad,
-            drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
+            drift_m_sqrt_s=position.drift_m_sqrt_s,
             current_ne_m_s=config.current.steady_ne_m_s,
             flow=config.current.flow,
-            unknown_current_std_m_s=config.position_filter.steady_current_m_s,
+            # what the filter allows for beyond the usual is that nobody knows how strong that is
+            unknown_current_std_m_s=min(known_m_s, position.usual_current_m_s),
+            known_current_std_m_s=known_m_s,
+            doubt=position.doubt,
             runs=RUNS,
             seed=config.seed,
             keep_outs=closed_areas(config, status.record.site),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
-from autonomy.planner.leg.edge import Edge, legs_duration_s, legs_energy, planned_points
+from autonomy.planner.leg.edge import Edge, expected_points, legs_energy
 from autonomy.planner.outcome import as_candidate
 from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
 from server.base.problem import FieldError, unprocessable
@@ -77,18 +77,9 @@ def legs_from(
 
 def candidate_of(config: PlannerConfig, legs: Sequence[Leg]) -> Candidate:
     """Return legs as a trajectory with its account; the objective is not known."""
-    edges: list[Edge] = []
-    under_way: list[Leg] = []
-    begin_s = 0.0
-    for i, leg in enumerate(legs):
-        under_way.append(leg)
-        if leg.end_ned[2] <= 0.0 or i == len(legs) - 1:
-            edge = tuple(under_way)
-            points = planned_points(config, edge, begin_s)
-            edges.append(Edge(edge, points, legs_energy(config, edge)))
-            begin_s += legs_duration_s(config, edge)
-            under_way = []
-    return as_candidate(config, edges, 0.0)
+    whole = tuple(legs)
+    edge = Edge(whole, expected_points(config, whole), legs_energy(config, whole))
+    return as_candidate(config, [edge], 0.0)
 
 
 def _leg(config: PlannerConfig, here: PositionNed, request: LegRequest) -> Leg:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from autonomy.estimation.config import FASTEST_CURRENT_M_S, MOST_DOUBT
+from autonomy.estimation.known_current import UNTOLD
 from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
@@ -51,18 +52,22 @@ class PlanSettings:
     def known_current(self, robot: str, config: PlannerConfig) -> PlannerConfig:
         """Return settings that reckon with the current as well as the robot says that it knows it.
 
-        What it said grows old towards the settings' own; a robot that never told leaves them.
+        What it said grows old towards the settings' own. A robot that never told is taken for one
+        that was just switched on.
         """
-        report = self._fleet.status(robot).current_report
+        report, position = self._fleet.status(robot).current_report, config.position_filter
+        usual_m_s, doubt = position.usual_current_m_s, position.doubt
         if report is None:
-            return config
-        position = config.position_filter
-        age_s = max(0.0, self._fleet.age_s(report.measured_at))
-        std_m_s = report.current_std_m_s / max(report.doubt, 1.0)
-        std_m_s = min(position.current_std_after(std_m_s, age_s), FASTEST_CURRENT_M_S)
+            std_m_s = UNTOLD * usual_m_s if position.method == "model" else usual_m_s
+        else:
+            age_s = max(0.0, self._fleet.age_s(report.measured_at))
+            std_m_s = report.current_std_m_s / max(report.doubt, 1.0)
+            std_m_s = position.current_std_after(std_m_s, age_s)
+            doubt = min(max(doubt, report.doubt), MOST_DOUBT)
         change = {
-            "steady_current_m_s": round(std_m_s, _DECIMALS),
-            "doubt": round(min(max(position.doubt, report.doubt), MOST_DOUBT), _DECIMALS),
+            "steady_current_m_s": round(min(std_m_s, FASTEST_CURRENT_M_S), _DECIMALS),
+            "untold_current_m_s": usual_m_s,
+            "doubt": round(doubt, _DECIMALS),
         }
         known = type(position).model_validate(position.model_dump() | change)
         return config.model_copy(update={"position_filter": known})

@@ -245,6 +245,17 @@ class FlightBandView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class FailedFlightView(View):
+    """A flight of a dry run that could not be computed."""
+
+    number: int
+    """Counted from 0."""
+    seed: int
+    """Of the dry run; with the number it repeats the flight."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class LegOutView(View):
     """Flights that were out of the water, or in a keep-out, for the first time on one leg."""
 
@@ -315,6 +326,8 @@ class DryRunView(View):
     """Where all flights were, and what became of them; ``null`` in plans of an earlier version."""
     safety: SafetyView | None = None
     """How often they left the water or entered a keep-out; likewise."""
+    failed: list[FailedFlightView] = field(default_factory=list)
+    """Flights that could not be computed; all figures are of the others."""
     not_rehearsed: str = ""
     """What the flights left out, a sentence."""
     message: str = ""

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from autonomy.current.table import flow_at, table_of
 from autonomy.estimation.config import MODEL_FILTER_PRESETS, ModelFilterConfig
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.energy import EnergyPrices
+from onboard.flight.navigation import CurrentBelief
 from robot_link.dry_run import DryRunProblem, Spread
 from simulator.ahead.drawn import Drawn
 from simulator.fleet import RobotDefinition
@@ -39,12 +41,13 @@ def drawn_for(
     """
     spread, settings = problem.spread, problem.mission.settings
     north, east = problem.current_ne_m_s
-    more = problem.unknown_current_std_m_s * generator.standard_normal(2)
+    unknown = problem.unknown_current_std_m_s * generator.standard_normal(2)
     sensors, ballast = definition.sensors, spread.ballast_share * generator.standard_normal(2)
     capacity_wh = problem.capacity_wh or definition.battery.capacity_wh
-    return Drawn(
+    current = (north + float(unknown[0]), east + float(unknown[1]))
+    drawn = Drawn(
         vehicle=vehicle_for(definition.vehicle, spread, generator),
-        current_ne_m_s=(north + float(more[0]), east + float(more[1])),
+        current_ne_m_s=current,
         drift_m_sqrt_s=problem.drift_m_sqrt_s * _share(generator, spread.drift_share),
         # the trim is right but for what nobody knows
         buoyancy_bias_kg=settings.net_buoyancy_offset_kg
@@ -56,6 +59,18 @@ def drawn_for(
         battery=problem.battery,
         flow_share=_share(generator, spread.flow_share),
     )
+    return replace(drawn, belief=_belief(problem, drawn.flow_share))
+
+
+def _belief(problem: DryRunProblem, flow_share: float) -> CurrentBelief | None:
+    """Return what a robot that has told of the current believes of it: all but what is unknown."""
+    if problem.known_current_std_m_s is None:
+        return None
+    north, east = problem.current_ne_m_s
+    if problem.flow is not None:
+        table_north, table_east = flow_at(table_of(problem.flow), *problem.start_ne_m, 0.0, 0.0)
+        north, east = north + flow_share * table_north, east + flow_share * table_east
+    return CurrentBelief((north, east), problem.known_current_std_m_s, problem.doubt)
 
 
 def vehicle_for(vehicle: Vehicle, spread: Spread, generator: np.random.Generator) -> Vehicle:

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
+from autonomy.estimation.known_current import SETTLING_S
 from autonomy.vehicle.config import Vehicle
+from onboard.flight.navigation import CurrentBelief
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,5 +29,8 @@ class Drawn:
     """Charge at the start, 0..1."""
     flow_share: float = 1.0
     """Factor of the current that is told by place and time."""
-    settling_s: float = 20.0
+    settling_s: float = SETTLING_S
     """Time at the surface before the start."""
+    belief: CurrentBelief | None = None
+    """What the robot believes of the current when it is there; ``None`` as when it is switched on.
+    """

@@ -10,9 +10,10 @@ scatter as exact ones do; a single one is not the same as the exact one.
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES
 from autonomy.vehicle.trim import TrimConfig
 from onboard.flight.safety import plan_flaw
-from robot_link.dry_run import DryRun, DryRunProblem
+from robot_link.dry_run import DryRun, DryRunProblem, FailedFlight
 from robot_link.mission import Mission, MissionSettings
 from simulator.ahead.band import band_of, reason_of
 from simulator.ahead.comparison import Flight, compared
@@ -46,6 +47,9 @@ GRAINS = {"miniglider": Grain(0.2, 2, 5, 1, 2), "grace3": Grain(0.2, 2, 15, 1, 1
 LEAST_RUNS = 24
 """So many flights are flown however long they take, unless fewer are asked for: the band of nine in
 ten leaves out one at either side."""
+FAILED_SHARE = 0.1
+"""If a larger part of the flights cannot be computed, the others are no fair sample of all: a band
+of nine in ten may be wrong by as much as it leaves out."""
 _ROWS = 3000
 """Rows of a flight, about."""
 _ROW_MAX_S = 20.0
@@ -70,17 +74,19 @@ def run(
     Raises:
         ValueError: If there is no simulated robot of this vehicle.
         DryRunCancelledError: It was stopped.
+        TooManyFailedError: More than ``FAILED_SHARE`` of the flights could not be computed.
     """
     flaw = plan_flaw(problem.mission, problem.site, problem.vehicle.limits)
     if flaw:
         return compared(problem, [Flight(reason=flaw)])
-    flights = flown(problem, report, is_cancelled)
+    flights, failed = _fly(problem, report, is_cancelled)
     found = compared(problem, [_as_flight(one) for one in flights])
     left_out = LEFT_OUT + (LEFT_OUT_RULES if problem.mission.rules is not None else "")
     return replace(
         found,
         band=band_of(problem, flights),
         safety=safety_of(problem, flights),
+        failed=failed,
         not_rehearsed=left_out,
     )
 
@@ -91,7 +97,7 @@ def flown(
     is_cancelled: Callable[[], bool],
     grain: Grain | None = None,
 ) -> list[Flown]:
-    """Return the flights of a problem, in their order.
+    """Return the flights of a problem that could be computed, in their order.
 
     Args:
         problem: What is flown, and how often.
@@ -102,7 +108,17 @@ def flown(
     Raises:
         ValueError: If there is no simulated robot of this vehicle.
         DryRunCancelledError: It was stopped.
+        TooManyFailedError: More than ``FAILED_SHARE`` of the flights could not be computed.
     """
+    return _fly(problem, report, is_cancelled, grain)[0]
+
+
+def _fly(
+    problem: DryRunProblem,
+    report: Callable[[float], None],
+    is_cancelled: Callable[[], bool],
+    grain: Grain | None = None,
+) -> tuple[list[Flown], tuple[FailedFlight, ...]]:
     plan = plan_of(problem, grain)
     work = _Work(problem, plan)
     threads = min(os.cpu_count() or 1, problem.runs)
@@ -115,9 +131,13 @@ def flown(
             report(work.share)
             for one in done:
                 one.result()
+    failed = tuple(sorted(work.failed, key=attrgetter("number")))
+    tried = len(work.flights) + len(failed)
+    if len(failed) > FAILED_SHARE * tried:
+        raise TooManyFailedError(failed, tried)
     if work.is_over:
         raise DryRunCancelledError
-    return [work.flights[number] for number in sorted(work.flights)]
+    return [work.flights[number] for number in sorted(work.flights)], failed
 
 
 def plan_of(problem: DryRunProblem, grain: Grain | None = None) -> FlightPlan:
@@ -153,6 +173,17 @@ def warm_up() -> None:
     run(problem, lambda _: None, lambda: False)
 
 
+class TooManyFailedError(Exception):
+    """So many flights could not be computed that the others tell too little."""
+
+    def __init__(self, failed: Sequence[FailedFlight], tried: int) -> None:
+        first = failed[0]
+        super().__init__(
+            f"{len(failed)} of {tried} flights could not be computed; flight {first.number} of "
+            f"seed {first.seed} failed with {first.reason}"
+        )
+
+
 class _Work:
     """Flights that several threads fly, each the next one that nobody flies."""
 
@@ -161,12 +192,13 @@ class _Work:
         self._until_s = time.process_time() + problem.processor_s
         self._numbers = iter(range(problem.runs))
         self.flights: dict[int, Flown] = {}
+        self.failed: list[FailedFlight] = []
         self.is_over = False
 
     @property
     def share(self) -> float:
         """Part of the flights that is flown; of the time, where that runs out before."""
-        runs, flown = self._problem.runs, len(self.flights)
+        runs, flown = self._problem.runs, len(self.flights) + len(self.failed)
         given_s = self._problem.processor_s
         left_s = max(self._until_s - time.process_time(), 0.0)
         of_time = 1.0 if given_s <= 0.0 else 1.0 - min(left_s / given_s, 1.0)
@@ -181,11 +213,27 @@ class _Work:
             if self.is_over or is_late:
                 return
             generator = np.random.default_rng([self._problem.seed, number])
-            drawn = drawn_for(self._problem, self._plan.definition, generator)
             try:
-                self.flights[number] = fly(self._plan, drawn, generator, lambda: self.is_over)
+                self.flights[number] = self._fly(generator)
             except FlightCancelledError:
                 return
+            except Exception as error:  # noqa: BLE001 - whatever it is, other flights may do
+                reason = f"{type(error).__name__}: {error}"
+                self.failed.append(FailedFlight(number, self._problem.seed, reason))
+                if len(self.failed) > FAILED_SHARE * self._problem.runs:
+                    self.is_over = True
+
+    def _fly(self, generator: np.random.Generator) -> Flown:
+        """Draw what a flight meets, and fly it.
+
+        Raises:
+            ArithmeticError: If what came of it is no number.
+        """
+        drawn = drawn_for(self._problem, self._plan.definition, generator)
+        found = fly(self._plan, drawn, generator, lambda: self.is_over)
+        if not (np.isfinite(found.rows).all() and math.isfinite(found.battery)):
+            raise ArithmeticError("its track is not finite")
+        return found
 
 
 def _as_flight(one: Flown) -> Flight:

@@ -54,7 +54,11 @@ def begin(s: State, setup: Setup, robot: Robot, centre_north: float, centre_east
     for i in range(STATES):
         s.factor[i, i] = setup.first_std[i]
         s.covariance[i, i] = setup.first_std[i] ** 2
+    for i in range(2):
+        s.belief[STEADY_NORTH + i] = setup.first_current_ne_m_s[i]
     s.doubt = setup.least_doubt
+    for _ in range(setup.first_dives):
+        _take_dive(s, setup, setup.first_squared, 1.0)
     s.fix_age_s = 0.0 if s.has_reading_fix else math.inf
 
 

@@ -16,9 +16,10 @@ from autonomy.estimation.config import (
     EstimatorConfig,
     ModelFilterConfig,
 )
+from autonomy.estimation.fix_watch import PRIOR_FREEDOM
+from autonomy.estimation.known_current import TOLD_LEAST_M_S, TOLD_SHARE, UNTOLD
 from autonomy.estimation.model_filter import (
     FASTEST_CURRENT_STDS,
-    UNTOLD,
     first_belief,
     process_noise,
 )
@@ -36,7 +37,7 @@ from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.surroundings import Surroundings
 from onboard.flight.course import dive_ends
 from onboard.flight.gentle import SLOWEST_SHARE
-from onboard.flight.navigation import TOLD_LEAST_M_S, TOLD_SHARE
+from onboard.flight.navigation import CurrentBelief
 from onboard.flight.over_ground import over_ground
 from onboard.flight.pitch_aim import GlidePolar
 from onboard.profile import FLIGHT_PROFILES
@@ -78,6 +79,8 @@ class Grain(NamedTuple):
     """The same of the body where nothing is near that it could touch (``body.move``)."""
 
 
+_DOUBTED_DIVES = 2
+"""So many dives make a robot doubt itself that says it does; few, so that it may learn better."""
 WALLS = 8
 """Where ``Surroundings.packed()`` says whether there are walls."""
 EXACT = Grain(PERIOD_S, 5, 1, 1, 5)
@@ -196,6 +199,7 @@ def setup_of(
     values = (
         _manners(definition)
         | _filter(definition, grain)
+        | _belief(definition, drawn.belief)
         | _mission(definition, mission)
         | _truth(definition, drawn, grain)
     )
@@ -233,8 +237,6 @@ def _filter(definition: RobotDefinition, grain: Grain) -> dict[str, Any]:
     model = _filter_config(estimator, vehicle)
     sparse = math.sqrt(PERIOD_S / grain.period_s)
     noise = process_noise(estimator, model)
-    std = np.diag(first_belief(estimator, model, (0.0, 0.0, 0.0), estimator.fix_std_m)[1]).copy()
-    std[STEADY_NORTH:EDDY_NORTH] *= UNTOLD
     outlier, current = model.outlier, model.current
     beat = round(1.0 / (vehicle.swim.frequency_hz * grain.period_s))
     return {
@@ -244,7 +246,6 @@ def _filter(definition: RobotDefinition, grain: Grain) -> dict[str, Any]:
             -grain.period_s
             / noise[[STEADY_CORRELATION, EDDY_CORRELATION, BIAS_CORRELATION, MODEL_CORRELATION]]
         ),
-        "first_std": std,
         "surface_depth_m": estimator.surface_depth_m,
         "depth_variance": (sparse * estimator.depth_std_m) ** 2,
         "fix_std_m": estimator.fix_std_m * _fix_share(definition, grain),
@@ -256,6 +257,27 @@ def _filter(definition: RobotDefinition, grain: Grain) -> dict[str, Any]:
         "telling_stay_s": telling_stay_s(estimator, current.steady_std_m_s),
         "told_std_m_s": max(TOLD_SHARE * estimator.steady_current_m_s, TOLD_LEAST_M_S),
         "notice_jump_kg": 2.0 * model.buoyancy_bias_kg,
+    }
+
+
+def _belief(definition: RobotDefinition, belief: CurrentBelief | None) -> dict[str, Any]:
+    """Return what the filter knows at first: of the current, what a robot said, if it did."""
+    estimator = definition.estimator
+    model = _filter_config(estimator, definition.vehicle)
+    std = np.diag(first_belief(estimator, model, (0.0, 0.0, 0.0), estimator.fix_std_m)[1]).copy()
+    steady = slice(STEADY_NORTH, EDDY_NORTH)
+    if belief is None:
+        std[steady] *= UNTOLD
+        return {"first_std": std}
+    std[steady] = belief.std_m_s
+    dives = _DOUBTED_DIVES if belief.doubt > 1.0 else 0
+    # so far off that the watch over them doubts as much (``FixWatch``)
+    freedom = PRIOR_FREEDOM + 2.0 * _DOUBTED_DIVES
+    return {
+        "first_std": std,
+        "first_current_ne_m_s": belief.current_ne_m_s,
+        "first_dives": dives,
+        "first_squared": (freedom * belief.doubt**2 - PRIOR_FREEDOM) / _DOUBTED_DIVES,
     }
 
 

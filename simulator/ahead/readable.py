@@ -179,7 +179,12 @@ def fly_readable(
         drawn: What this flight meets.
         seed: Of all that is random.
         is_cancelled: Asked now and then whether to stop.
+
+    Raises:
+        ValueError: If the robot is to know of the current before; it is switched on here.
     """
+    if drawn.belief is not None:
+        raise ValueError("the readable program knows no current when it is switched on")
     eddies, sensors = NotedGenerator([seed, 1], 2), NotedGenerator([seed, 2], SENSED)
     randomness = (eddies, sensors, np.random.default_rng([seed, 3]))
     robot, radio = readable_robot(definition, drawn, seed, randomness), _Silence()

@@ -94,6 +94,10 @@ class Setup:
     """What is left of steady current, eddies, bias and shares after a period."""
     noise: Annotated[FloatArray, (13,)]
     first_std: _Fourteen
+    first_current_ne_m_s: _Two
+    first_dives: int
+    """Dives by which the filter doubts itself when it begins, and how far each was off."""
+    first_squared: float
     surface_depth_m: float
     depth_variance: float
     fix_std_m: float

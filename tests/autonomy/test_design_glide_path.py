@@ -23,7 +23,14 @@ from autonomy.design.way import waypoints_of
 from autonomy.design.yo_yo import Line, turning_depths
 from autonomy.planner.check.check import violations
 from autonomy.planner.leg import drift
-from autonomy.planner.leg.edge import POINT_STD, doubts, planned_points, surfacings
+from autonomy.planner.leg.edge import (
+    POINT_STD,
+    dives_of,
+    doubts,
+    expected_points,
+    planned_points,
+    surfacings,
+)
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import GRACE3
 from autonomy.site import LAKE
@@ -314,9 +321,12 @@ def test_a_reference_that_stays_at_a_depth_is_refused_by_its_row():
 def test_doubts_of_dives_that_were_asked_for_before_are_those_of_their_points(rng):
     design = Design(content=Way(waypoints=drawn_way(rng)), manner=drawn_manner(rng))
     legs = tuple(laid(design)[0].legs)
-    ends = [number + 1 for number, leg in enumerate(legs) if leg.end_ned[2] <= 0.0]
-    dives = [legs[a:b] for a, b in pairwise((0, *ends))]
-    planned = planned_points(GRACE3, legs)[:, POINT_STD]
+    expected = expected_points(GRACE3, legs)[:, POINT_STD]
+    as_first = planned_points(GRACE3, legs)[:, POINT_STD]
     for _ in range(2):
-        std_m = np.concatenate([std for _, std in doubts(GRACE3, dives)])
-        assert std_m == pytest.approx(planned)
+        found = [std for _, std in doubts(GRACE3, dives_of(legs))]
+        std_m = np.concatenate(found)
+        assert std_m == pytest.approx(expected)
+        # nothing has told of the current before the first dive, and each dive does afterwards
+        assert found[0] == pytest.approx(as_first[: len(found[0])])
+        assert (std_m <= as_first + 1e-9).all()

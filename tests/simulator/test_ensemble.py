@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from autonomy.estimation.energy_use import EnergyUse
+from autonomy.estimation.known_current import UNTOLD
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.work import powers_of_uses
 from autonomy.site import Area
 from benchmarks.drawn.mission import mission_of
 from robot_link.dry_run import DryRunProblem, Spread
 from server.battery.flown import hours_of_legs
+from server.plan.document import dry_run_view
 from server.plan.primitive_legs import candidate_of
 from simulator.ahead import coarse_belief, ensemble
 from simulator.ahead.band import LEVEL, ellipse
@@ -174,6 +176,104 @@ def test_slopes_that_hold_at_one_place_alone_do_not_blow_a_doubt_up():
     coarse_belief._response(s, drift, np.eye(3), 3.0, np.full(3, 1e-10), answer, shaken)
     exact = np.exp(-3.0 * np.array([1.0, 2.0, 3.0]))
     assert np.diag(answer[:3, :3]) == pytest.approx(exact, abs=0.01)
+
+
+def broken_flights(monkeypatch, broken):
+    """Let the flights of some numbers raise, by their own first random number."""
+    usual = ensemble.fly
+    numbers = iter(range(10_000))
+
+    def fly(*given):
+        if next(numbers) in broken:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return usual(*given)
+
+    monkeypatch.setattr(ensemble, "fly", fly)
+
+
+def test_a_flight_that_cannot_be_computed_is_named_and_the_others_make_the_band(monkeypatch):
+    broken_flights(monkeypatch, {3, 11})
+    found = run(problem(runs=40))
+    assert found.runs == 38
+    assert len(found.failed) == 2
+    assert {one.reason for one in found.failed} == {"LinAlgError: Singular matrix"}
+    assert {one.seed for one in found.failed} == {SEED}
+    assert found.band is not None
+    assert [one["reason"] for one in found.document()["failed"]] == [
+        one.reason for one in found.failed
+    ]
+    view = dry_run_view({"state": "done", **found.document()})
+    assert [one.number for one in view.failed] == [one.number for one in found.failed]
+
+
+def test_a_flight_whose_numbers_are_none_is_one_that_failed(monkeypatch):
+    usual = ensemble.fly
+    lost = []
+
+    def fly(*given):
+        one = usual(*given)
+        if not lost:
+            lost.append(one)
+            one.rows[-1, ROW_STD] = np.nan
+        return one
+
+    monkeypatch.setattr(ensemble, "fly", fly)
+    found = run(problem(runs=20))
+    assert found.runs == 19
+    assert [one.reason for one in found.failed] == ["ArithmeticError: its track is not finite"]
+
+
+def test_flights_that_fail_too_often_fail_the_whole_with_their_reason(monkeypatch):
+    broken_flights(monkeypatch, set(range(0, 1000, 4)))
+    asked = problem(runs=40)
+    with pytest.raises(ensemble.TooManyFailedError, match=f"of seed {SEED} failed with LinAlg"):
+        run(asked)
+
+
+@pytest.mark.parametrize("known_share", [UNTOLD, 0.3, 0.1])
+@pytest.mark.parametrize("water", ROBOTS)
+def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_share):
+    """Over missions drawn now: the worst of a mission within 12 % in the median, and within 0.75
+    to 1.35 times the flights' median in nine of ten missions."""
+    robot, duration_s, _ = ROBOTS[water]
+    preset = PLANNER_PRESETS[robot.vehicle.key]
+    usual_m_s = preset.position_filter.steady_current_m_s
+    known_m_s = known_share * usual_m_s
+    told = {"steady_current_m_s": known_m_s, "untold_current_m_s": usual_m_s}
+    config = preset.model_copy(
+        update={"position_filter": preset.position_filter.model_copy(update=told)}
+    )
+    ratios = []
+    for number in range(20):
+        seed = [SEED, number]
+        mission = mission_of(np.random.default_rng(seed), config, 3.0 * duration_s, 1000.0)
+        planned = candidate_of(config, mission.legs)
+        asked = problem(
+            runs=8,
+            water=water,
+            mission=mission,
+            planned_points=planned.points,
+            start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
+            unknown_current_std_m_s=min(known_m_s, usual_m_s),
+            known_current_std_m_s=known_m_s,
+        )
+        flights = ensemble.flown(asked, lambda _: None, lambda: False)
+        ratios.append(planned.worst_std_m / np.median([one.worst_std_m for one in flights]))
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.12), SEED
+    assert np.mean([0.75 < one < 1.35 for one in ratios]) >= 0.9, (SEED, sorted(ratios))
+
+
+def test_a_robot_that_doubts_itself_states_as_much_more_from_the_start():
+    sure, unsure = (
+        ensemble.flown(
+            problem(runs=10, known_current_std_m_s=0.005, doubt=doubt),
+            lambda _: None,
+            lambda: False,
+        )
+        for doubt in (1.0, 2.0)
+    )
+    first = [np.median([one.rows[:40, ROW_STD].max() for one in some]) for some in (sure, unsure)]
+    assert first[1] == pytest.approx(2.0 * first[0], rel=0.1), SEED
 
 
 def test_a_keep_out_is_touched_as_often_as_flights_are_in_it():

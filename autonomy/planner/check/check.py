@@ -17,6 +17,7 @@ from autonomy.planner.leg import drift, primitive
 from autonomy.planner.leg.edge import (
     departures,
     doubts,
+    first_doubt_m,
     legs_duration_s,
     surfacings,
 )
@@ -152,8 +153,9 @@ def _begins_s(legs: tuple[Leg, ...], config: PlannerConfig) -> list[float]:
 def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     """Check the position's uncertainty, from one surfacing to the next.
 
-    The planner looks at the uncertainty at its own sampling times; what it grows by within one
-    interval is allowed on top, so that no plan of its own is refused.
+    The planner looks at the uncertainty at its own sampling times, and takes every dive for the
+    first. What it grows by within one interval is allowed on top, and so is what is forgotten of
+    the current until a later dive begins, so that no plan of its own is refused.
     """
     interval, position = config.primitives.point_interval_s, config.position_filter
     allowed = config.max_uncertainty_m
@@ -165,7 +167,8 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
         growth = drifted_variance(position, blind_s + interval) - drifted_variance(
             position, blind_s
         )
-        if worst_m > math.sqrt(allowed**2 + growth):
+        limit_m = math.sqrt(allowed**2 + growth)
+        if worst_m > limit_m and first_doubt_m(config, legs[dive]) > limit_m:
             yield Violation(
                 "max_uncertainty_m",
                 f"The position becomes uncertain by {worst_m:.2g} m, "

@@ -10,7 +10,8 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.table import flow_at, is_uniform
-from autonomy.estimation.position import ExpectedPosition
+from autonomy.estimation.known_current import SETTLING_S, KnownCurrent
+from autonomy.estimation.position import ExpectedPosition, position_std
 from autonomy.outline import Indices
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.leg import drift, primitive
@@ -137,11 +138,12 @@ def planned_points(
 ) -> FloatArray:
     """Return the points of legs, one each ``point_interval_s`` after a surfacing, and its end.
 
-    They are where the robot really is, which in a current is not where it believes to be. Of a
-    stay at the surface, on which nothing changes, there are at most 500. Each
-    dive, which ends with the next surfacing, counts its intervals anew and begins with a position
-    that is as certain as it becomes at the surface. The first surfacing begins ``begin_s`` after
-    the plan, by which the current is looked up.
+    They are where the robot really is, which in a current is not where it believes to be, and as
+    uncertain as on the plan's first dive: a search does not know what came before. Of a stay at the
+    surface, on which nothing changes, there are at most 500. Each dive, which ends with the next
+    surfacing, counts its intervals anew and begins with a position that is as certain as it becomes
+    at the surface. The first surfacing begins ``begin_s`` after the plan, by which the current is
+    looked up.
 
     Returns:
         Shape ``(m, 5)``: time, north, east, down, position std; the first is one interval after
@@ -162,15 +164,70 @@ def planned_points(
     return np.concatenate(points)
 
 
+def expected_points(
+    config: PlannerConfig, legs: tuple[Leg, ...], begin_s: float = 0.0
+) -> FloatArray:
+    """Return the points of a whole plan, with what its robot will say of its position there.
+
+    They are those of ``planned_points``, which take every dive for the first: what the dives and
+    stays before tell of the current makes later ones more certain (``doubts``).
+    """
+    points = planned_points(config, legs, begin_s)
+    points[:, POINT_STD] = np.concatenate([std_m for _, std_m in doubts(config, dives_of(legs))])
+    return points
+
+
+def dives_of(legs: Sequence[Leg]) -> Iterator[Sequence[Leg]]:
+    """Return the legs of each dive, from one surfacing to the next."""
+    begin = 0
+    for number, leg in enumerate(legs, start=1):
+        if leg.end_ned[2] <= 0.0 or number == len(legs):
+            yield legs[begin:number]
+            begin = number
+
+
 def doubts(
     config: PlannerConfig, dives: Iterable[Sequence[Leg]]
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Return time since its begin, s, and position std, m, at each point of each dive.
+    """Return time since its begin, s, and position std, m, at each point of each dive of a plan.
 
-    They are those of ``planned_points`` of that dive; they do not depend on the current.
+    Before the first dive the current is known as ``config.position_filter`` says; each dive and
+    each stay at the surface tells of it (``KnownCurrent``). Only whether the plan counts on a
+    current matters of that.
+
+    Args:
+        config: What the plan is made with.
+        dives: The legs of each dive, from the plan's first on.
     """
+    position, current = config.position_filter, KnownCurrent(config.position_filter)
+    current.stay(SETTLING_S)
+    if drift.has_current(config):
+        current.hear_plan()
+    for dive, (times_s, walked, blind_s) in _walks(config, dives):
+        if dive[0].start_ned[2] <= 0.0:
+            current.stay(config.mission.turn_time_s)
+        yield times_s, position_std(position, current.std_m_s, walked, blind_s)
+        last = int(blind_s.argmax())
+        if blind_s[last] == 0.0:
+            current.stay(float(times_s[-1]))
+        else:
+            up_s = times_s[min(last + 1, len(times_s) - 1)]
+            current.dive(float(blind_s[last] + up_s - times_s[last]))
+
+
+def first_doubt_m(config: PlannerConfig, dive: Sequence[Leg]) -> float:
+    """Return the greatest position std of a dive if it is a plan's first, m."""
+    position = config.position_filter
+    ((_, (_, walked, blind_s)),) = _walks(config, [dive])
+    return float(position_std(position, position.steady_current_m_s, walked, blind_s).max())
+
+
+def _walks(
+    config: PlannerConfig, dives: Iterable[Sequence[Leg]]
+) -> Iterator[tuple[Sequence[Leg], tuple[FloatArray, FloatArray, FloatArray]]]:
+    """Return each dive with the times of its points and ``ExpectedPosition.walk`` there."""
     interval_s = config.primitives.point_interval_s
-    known = _known_doubts(config.position_filter.model_dump_json(), interval_s)
+    known = _known_walks(config.position_filter.model_dump_json(), interval_s)
     certain: ExpectedPosition | None = None
     for dive in dives:
         key = (
@@ -182,18 +239,18 @@ def doubts(
             certain = certain or ExpectedPosition(config.position_filter, interval_s)
             times_s, legs, left = _point_times(config, dive)
             begins, ends = np.array([(leg.start_ned[2], leg.end_ned[2]) for leg in dive])[legs].T
-            found = times_s, certain.std(times_s, begins + (1.0 - left) * (ends - begins))
+            found = times_s, *certain.walk(times_s, begins + (1.0 - left) * (ends - begins))
             if len(known) >= _KNOWN_DIVES_MAX:
                 known.clear()
             if len(times_s) <= _KNOWN_POINTS_MAX:
                 known[key] = found
-        yield found
+        yield dive, found
 
 
 @lru_cache(maxsize=8)
-def _known_doubts(
+def _known_walks(
     position_filter: str, interval_s: float
-) -> dict[tuple[object, ...], tuple[FloatArray, FloatArray]]:
+) -> dict[tuple[object, ...], tuple[FloatArray, FloatArray, FloatArray]]:
     """Return what was reckoned of dives before, by their durations and depths.
 
     A mission that somebody draws is checked with every change, which leaves most dives alike.

@@ -341,7 +341,8 @@ def _place_dive(
         has_fix = z <= limits.surface_depth
         a, b, d = _step(limits, a, b, d, time - before, has_fix)
         blind = 0.0 if has_fix else blind + time - before
-        std = limits.doubt * math.sqrt(a + (limits.steady_current * blind) ** 2)
+        by_current = blind * blind * (limits.steady_current**2 + limits.forgotten * blind)
+        std = limits.doubt * math.sqrt(a + by_current)
         if std > limits.max_uncertainty:
             return 0
         points[row, 0], points[row, 1], points[row, 2], points[row, 3] = time, x, y, z

@@ -43,7 +43,7 @@ from autonomy.planner.information.information import (
     bytes_per_edge,
     information_of,
 )
-from autonomy.planner.leg.edge import Edge, legs_energy, planned_points, refitted
+from autonomy.planner.leg.edge import Edge, expected_points, legs_energy, refitted
 from autonomy.planner.leg.leg_kernel import (
     DURATION,
     ENERGY,
@@ -381,7 +381,7 @@ class Search:
         found: list[tuple[bool, Candidate]] = []
         for found_legs, searched in self._finalists().items():
             legs = refitted(self._config, found_legs)
-            edge = Edge(legs, planned_points(self._config, legs), legs_energy(self._config, legs))
+            edge = Edge(legs, expected_points(self._config, legs), legs_energy(self._config, legs))
             candidate = outcome.as_candidate(self._config, [edge], worth(edge.points), searched)
             spent = spending(self._config, legs).greatest_share(self._config, self._budget)
             found.append((spent > self.graph.least_spent, candidate))

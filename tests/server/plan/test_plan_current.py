@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
 
 import pytest
 
+from autonomy.estimation.known_current import UNTOLD
 from autonomy.planner.preset import planner_preset
 from tests.server.conftest import MINI
 from tests.server.fake_link import current_report
@@ -23,6 +25,23 @@ def test_what_the_robot_knows_of_the_current_and_doubts_counts(station):
     position = planned(station, told)
     assert position.steady_current_m_s == pytest.approx(0.004, abs=1e-4)
     assert position.doubt == 1.5
+
+
+def test_a_robot_that_never_told_is_taken_for_one_just_switched_on(station, monkeypatch):
+    """Its filter begins with more than is usual, for how strong a current is here is a guess."""
+    silent = SimpleNamespace(current_report=None)
+    monkeypatch.setattr(station.fleet, "status", lambda _: silent)
+    position = station.planning.settings.known_current(MINI, PRESET).position_filter
+    assert position.steady_current_m_s == pytest.approx(UNTOLD * 0.01)
+    assert position.usual_current_m_s == pytest.approx(0.01)
+
+
+def test_settings_that_a_plan_was_made_with_still_say_what_is_usual(station):
+    now = station.foundation.clock.now() + timedelta(seconds=1)
+    station.fleet.take_current(replace(current_report(MINI, now), current_std_m_s=0.004))
+    known = station.planning.settings.known_current
+    once = known(MINI, PRESET)
+    assert known(MINI, once).position_filter.usual_current_m_s == pytest.approx(0.01)
 
 
 def test_what_it_knew_grows_old_towards_what_the_water_may_be(station, monkeypatch):

@@ -65,7 +65,7 @@ describe('a rehearsal', () => {
     state: 'done', completed: true, rms_error_m: 0.1, worst_error_m: 0.2, surfacing_error_m: 0.1,
     position_error_m: null, predicted_error_m: null, planned_worst_std_m: null, within_share: null,
     entered: [], runs: null, duration_s: 100, energy: 5, flown: [], message: '', expected: [],
-    expected_times_s: [], spread_m: null, nearest: [], broken: [], band: null, safety: null, not_rehearsed: '',
+    expected_times_s: [], spread_m: null, nearest: [], broken: [], band: null, safety: null, failed: [], not_rehearsed: '',
     ...change,
   }); // prettier-ignore
 
