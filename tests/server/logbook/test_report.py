@@ -4,11 +4,14 @@ import io
 import re
 from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
+import pytest
 from PIL import Image
 
 from server.logbook.figure import Curve, curve_figure, track_figure
 from tests.server.conftest import GRACE, MINI, until
+from tests.server.fake_link import state_report
 from tests.server.logbook.test_entries import write
 from tests.server.logbook.test_watch import signed, take
 
@@ -57,6 +60,36 @@ async def test_a_report_has_everything_inside_and_loads_nothing(ann, ben):
                   "wind 3.5 m/s", "&lt;script&gt;", "Watch &lt;b&gt;"):  # fmt: skip
         assert words in html, words
     assert html.rstrip().endswith("</html>")
+
+
+@pytest.mark.parametrize("span", ["shift=mine", "span=day", "span=week"])
+async def test_a_report_names_nothing_outside_and_its_figures_are_whole(ann, world, span):
+    assert (await ann.post("/api/logbook/shifts")).status_code == 201
+    world.tell(state_report(MINI, (1.2, 0.6, 0.3)))
+    await write(ann, "See [the chart](https://charts.example/a) and ![](//evil.example/x).")
+
+    async def drawn():
+        told = (await ann.get(f"/api/logbook/report?{span}")).text
+        return told if "<svg" in told else None
+
+    html = await until(drawn)
+    outside = re.sub(r'<a [^>]*href="https://charts\.example/a"[^>]*>', "", html)
+    assert not re.findall(r"""(?:https?:)?//[\w.-]+|url\(|@import|javascript:""",
+                          re.sub(r"!\[\]\(//evil\.example/x\)", "", outside))  # fmt: skip
+    figures = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert figures
+    for figure in figures:
+        root = ElementTree.fromstring(figure)
+        width, height = (float(one) for one in root.attrib["viewBox"].split()[2:])
+        assert root.attrib["aria-label"]
+        names = {one.tag for one in root.iter()}
+        assert names <= {"svg", "path", "polyline", "circle", "text", "rect"}
+        for line in root.iter("polyline"):
+            for point in line.attrib["points"].split():
+                x, y = (float(one) for one in point.split(","))
+                assert 0.0 <= x <= width
+                assert 0.0 <= y <= height
+    assert html.count("<figure>") == html.count("</figure>") == len(figures)
 
 
 async def test_a_report_is_of_its_time_and_robot(ann, still):
