@@ -25,6 +25,8 @@ class Curve:
     at: Sequence[datetime]
     value: Sequence[float]
     is_downwards: bool = False
+    least_span: float = 0.0
+    """Its axis spans at least so much, so that noise does not look like a dive."""
 
 
 def curve_figure(curve: Curve, first: datetime, last: datetime) -> str:
@@ -40,6 +42,7 @@ def curve_figure(curve: Curve, first: datetime, last: datetime) -> str:
     low, high = min(value for _, value in points), max(value for _, value in points)
     if curve.is_downwards:
         low = min(low, 0.0)
+    high = max(high, low + curve.least_span)
     ticks = _ticks(low, high)
     low, high = min(low, ticks[0]), max(high, ticks[-1])
 

@@ -24,7 +24,11 @@ from server.logbook.page import standing_of
 from server.logbook.picture import Pictures
 
 _POINTS: Final = 1200
-_CURVES: Final = (("depth_m", "Depth", "m", True), ("battery_v", "Battery", "V", False))
+_CURVES: Final = (
+    ("depth_m", "Depth", "m", True, 1.0),
+    ("battery_v", "Battery", "V", False, 0.5),
+)
+"""Channel, title, unit, whether it is drawn downwards, and the least span of its axis."""
 _POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 HEADERS: Final = {"Content-Security-Policy": f"{_POLICY}; sandbox", "Cache-Control": "no-store"}
 """A report that is opened at the station can do there as little as from a disk."""
@@ -45,6 +49,7 @@ figure { margin: 8px 0; break-inside: avoid; } figcaption { font-weight: 600; }
 svg { max-width: 100%; height: auto; } svg text { font: 11px system-ui, sans-serif; fill: #333; }
 pre { white-space: pre-wrap; } blockquote { margin: 4px 0; padding-left: 10px;
   border-left: 2px solid #bbb; }
+h2, h3 { break-after: avoid; } tr, li { break-inside: avoid; } ul { margin: 2px 0 6px; }
 @page { margin: 16mm; }
 @media print { body { margin: 0; max-width: none; padding: 0; } a { color: inherit; } }
 """
@@ -143,7 +148,7 @@ def _page(page: ShiftPage) -> str:
     ]
     open_lists = "" if standing["checklists"] is None else _listed("Open checklists", lists)
     return (
-        f"<h2>Signed page {page.id}</h2><p>{_moment(page.began_at)} to {_moment(page.ended_at)}, "
+        f"<h2>Signed: {page.id}</h2><p>{_moment(page.began_at)} to {_moment(page.ended_at)}, "
         f"signed by <b>{escape(page.left_by)}</b>, {_moment(page.left_at)}; {taken}.</p>"
         f"<p>Weather: {escape(_weather(document['weather']))}</p>"
         f"{html_of(document['remarks']) if document['remarks'] else ''}"
@@ -210,9 +215,9 @@ def _event(event: EventRecord) -> str:
 def _figures(session: Session, robot: RobotRecord, order: ReportOrder) -> Iterator[str]:
     first, last = order.period.first, order.until
     figures = list[str]()
-    for channel, title, unit, is_downwards in _CURVES:
+    for channel, title, unit, is_downwards, least_span in _CURVES:
         found = history(session, robot.id, channel, first, last, _POINTS)
-        curve = Curve(title, unit, found.measured_at, found.value, is_downwards)
+        curve = Curve(title, unit, found.measured_at, found.value, is_downwards, least_span)
         figures.append(curve_figure(curve, first, last))
     way = track(session, robot.id, first, last, _POINTS)
     norths, easts = way.position_ned[:, 0].tolist(), way.position_ned[:, 1].tolist()

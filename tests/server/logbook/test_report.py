@@ -146,6 +146,16 @@ def test_depth_is_drawn_downwards_and_a_voltage_upwards():
         assert (last > first) == is_downwards
 
 
+def test_the_noise_of_a_robot_at_the_surface_does_not_look_like_a_dive():
+    at = [START, START + timedelta(minutes=30)]
+    curve = Curve("Depth", "m", at, [0.0, 0.004], is_downwards=True, least_span=1.0)
+    figure = curve_figure(curve, START, START + timedelta(hours=1))
+    (first, last) = (float(y) for y in re.findall(r"[\d.]+,([\d.]+)", figure))
+    assert abs(last - first) < 1.0
+    assert re.findall(r'end">([^<]+)<', figure)[-2] == "1"
+    assert "e-" not in "".join(re.findall(r">([^<]*)</text>", figure))
+
+
 def test_nothing_is_drawn_of_nothing_and_one_value_is_a_dot():
     end = START + timedelta(hours=1)
     assert curve_figure(Curve("x", "m", [], []), START, end) == ""
