@@ -29,6 +29,8 @@ def look(page: Page, name: str, part: Locator | None = None) -> None:
     for size, width, theme in LOOKS:
         page.set_viewport_size({"width": width, "height": 900})
         page.evaluate("theme => (document.documentElement.dataset.theme = theme)", theme)
+        if page.locator("iframe:visible").count():
+            expect_scene(page)
         shown.screenshot(path=SHOTS / f"{name}-{size}-{theme}.png", timeout=240_000)
         wide = page.evaluate("document.querySelector('main').scrollWidth - innerWidth")
         assert wide <= 0, (name, size)
@@ -174,7 +176,7 @@ def test_two_people_keep_one_log_book_and_hand_their_watch_over(browser, calm, s
         mark = ann.frame_locator("iframe").locator("#then")
         expect(mark).to_have_text(re.compile(r"At \d\d:\d\d:\d\dZ, not live"))
         expect_scene(ann)
-        look(ann, "log-moment")
+        look(ann, "log-moment", then)
         ann.get_by_role("button", name="Return to now").click()
         expect(then).to_have_count(0)
 
