@@ -20,6 +20,7 @@ from server.delivery.own_check import own_checks
 
 TASK = f"{__name__}:run"
 OWN_SUITE = "own"
+_CHUNK_CACHE_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,8 @@ def run(order: FileOrder, report: Report, is_cancelled: IsCancelled) -> KeptFile
         WorkCancelledError: If the work is not wanted any more.
         ValueError: If the disk does not take the file.
     """
+    # by default each variable keeps up to 64 MiB of chunks, which is all of most files
+    netCDF4.set_chunk_cache(_CHUNK_CACHE_BYTES)
     order.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     part = order.folder / f".{secrets.token_hex(8)}.part.nc"
     try:

@@ -1,8 +1,9 @@
 """The rows of a deployment with their flags, as workers make them."""
 
+from collections import defaultdict
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -23,6 +24,8 @@ from db.query.fleet.deployments import DeploymentRecord
 from db.query.measured.merged_rows import RowBlock, iterate_rows
 from db.query.measured.quality import ManualFlag, QualityStretch
 
+_CHANNEL = "channel:"
+"""Before the key of a channel, which may be called like a column of another kind."""
 POSITION, DEPTH = "position", "depth"
 """Series beside those of the channels."""
 Report = Callable[[object], None]
@@ -130,17 +133,16 @@ def judged(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Judge
     Raises:
         WorkCancelledError: Between two blocks or series.
     """
-    blocks = [replace(one, state={}) for one in blocks_of(session, wanted, is_cancelled)]
-    left_out = sum(one.left_out for one in blocks)
-    at_us = _joined([one.measured_at_us for one in blocks], np.int64)
-    place = _joined([one.position_ned for one in blocks], np.float64, (0, 3))
-    fix = _joined([one.has_fix for one in blocks], np.bool_)
-    smoothed = _joined([one.is_smoothed for one in blocks], np.bool_)
-    mode = _joined([one.mode for one in blocks], np.int64)
-    values = {
-        key: _joined([one.value[key] for one in blocks], np.float64) for key in wanted.channels
-    }
-    blocks.clear()
+    columns = _Columns()
+    left_out = 0
+    for block in blocks_of(session, wanted, is_cancelled):
+        columns.add(block)
+        left_out += block.left_out
+    at_us = columns.joined("at_us", np.int64)
+    place = columns.joined("place", np.float64, (0, 3))
+    fix, smoothed = columns.joined("fix", np.bool_), columns.joined("smoothed", np.bool_)
+    mode = columns.joined("mode", np.int64)
+    values = {key: columns.joined(_CHANNEL + key, np.float64) for key in wanted.channels}
     # of one beginning: a float of seconds since the epoch holds a tenth of a microsecond
     times_s = (at_us - at_us[:1]) / 1e6
     rows: dict[str, IntArray] = {}
@@ -186,5 +188,26 @@ def _position(
     return Judgement(whole, by_test)
 
 
-def _joined(parts: Sequence[np.ndarray], kind: type, empty: tuple[int, ...] = (0,)) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.empty(empty, dtype=kind)
+class _Columns:
+    """Parts of columns; each is let go of once it is joined, so that no row is held twice."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, list[np.ndarray]] = defaultdict(list)
+
+    def add(self, block: RowBlock) -> None:
+        """Take what a judgement needs of a block."""
+        for name, part in (
+            ("at_us", block.measured_at_us),
+            ("place", block.position_ned),
+            ("fix", block.has_fix),
+            ("smoothed", block.is_smoothed),
+            ("mode", block.mode),
+            *((_CHANNEL + key, values) for key, values in block.value.items()),
+        ):
+            # a copy: a view would hold the whole block
+            self._parts[name].append(part.copy())
+
+    def joined(self, name: str, kind: type, empty: tuple[int, ...] = (0,)) -> np.ndarray:
+        """Return a column, which is empty where there was no block."""
+        parts = self._parts.pop(name, [])
+        return np.concatenate(parts) if parts else np.empty(empty, dtype=kind)

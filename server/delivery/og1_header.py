@@ -108,14 +108,15 @@ def _telecom(order: "FileOrder") -> str:
 def _identity(order: "FileOrder") -> dict[str, Any]:
     said, deployment = order.metadata, order.wanted.deployment
     mark = f"{SIMULATED} " if order.is_simulated else ""
-    title = said.title or "OceanGliders trajectory file"
+    title = said.title.strip() or "OceanGliders trajectory file"
+    summary = said.summary.strip() or deployment.purpose or deployment.title
     return {
         "title": f"SIMULATION - {title}" if order.is_simulated else title,
         "id": order.identity,
         "platform": "sub-surface gliders",
         "platform_vocabulary": "http://vocab.nerc.ac.uk/collection/L06/current/27/",
-        "summary": (mark + (said.summary or deployment.purpose or deployment.title)).strip(),
-        "comment": (mark + (said.comment or _NOTHING)).strip(),
+        "summary": (mark + summary).strip(),
+        "comment": (mark + (said.comment.strip() or _NOTHING)).strip(),
         "internal_mission_identifier": deployment.id,
         "site": deployment.site.name,
         "institution": said.operating_agency,
