@@ -39,7 +39,9 @@ class Peer:
     def live(self, turn: int) -> None:
         while (message := self.port.recv_match(blocking=False)) is not None:
             self.hear(message)
-        if select.select([sys.stdin], [], [], 0.0)[0] and (line := sys.stdin.readline()):
+        if select.select([sys.stdin], [], [], 0.0)[0]:
+            if not (line := sys.stdin.readline()):
+                sys.exit()  # whoever started it has ended
             self.obey(line.split())
         if turn % BEATS == 0:
             self.port.mav.heartbeat_send(
