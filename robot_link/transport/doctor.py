@@ -130,8 +130,14 @@ class Hearing:
 class Doctor:
     """Examines one link; ``say`` takes each finding as it is made."""
 
-    def __init__(self, uri: str, say: Callable[[str], None]) -> None:
+    def __init__(self, uri: str, say: Callable[[str], None], *, is_brief: bool = False) -> None:
         """Take a link.
+
+        Args:
+            uri: The link.
+            say: Takes each finding.
+            is_brief: Ask who else is in the radio's network only where nothing is heard: answers
+                take seconds.
 
         Raises:
             ValueError: If the URI names no transport.
@@ -144,6 +150,7 @@ class Doctor:
         self._say = say
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         self._heard = Hearing()
+        self._is_brief = is_brief
 
     @property
     def heard(self) -> Hearing:
@@ -264,6 +271,8 @@ class Doctor:
             f"The XBee {radio.address:016X} answers; one packet carries {radio.max_payload} bytes,"
             f" and {radio.bytes_per_s:g} bytes per second of telemetry suit its rate in the air."
         )
+        if self._is_brief and self._heard.frames:
+            return
         try:
             neighbours = await radio.discover()
         except PortClosedError as error:

@@ -58,7 +58,9 @@ class Examination:
     heard: tuple[HeardSystem, ...] = ()
 
 
-async def examine_link(uri: str, settings: Settings, listen_s: float, say: Say) -> Examination:
+async def examine_link(
+    uri: str, settings: Settings, listen_s: float, say: Say, *, is_brief: bool = False
+) -> Examination:
     """Open a link of any kind for a while and tell what it brings; what is sent costs nothing.
 
     Args:
@@ -66,6 +68,7 @@ async def examine_link(uri: str, settings: Settings, listen_s: float, say: Say) 
         settings: Of the station: where its accounts with gateways are.
         listen_s: How long to listen, s.
         say: Takes each finding, a sentence, as it is made.
+        is_brief: Ask a radio who else is in its network only where nothing is heard.
 
     Raises:
         ValueError: If the link names none.
@@ -80,7 +83,7 @@ async def examine_link(uri: str, settings: Settings, listen_s: float, say: Say) 
             else f"The station will show that the {kind} does not answer."
         )
         return Examination(state, is_well, shown)
-    doctor = Doctor(uri, say)
+    doctor = Doctor(uri, say, is_brief=is_brief)
     is_well = await doctor.examine(listen_s)
     return _told(doctor.heard, is_well=is_well)
 

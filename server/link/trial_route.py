@@ -43,7 +43,8 @@ class LinkTrials:
         """
         lines: list[str] = []
         async with self._ports[shared_port(uri)], self._places:
-            return await examine_link(uri, settings, listen_s, lines.append), lines
+            found = await examine_link(uri, settings, listen_s, lines.append, is_brief=True)
+            return found, lines
 
 
 LinkTrialsDep = Annotated[LinkTrials, Depends(service(LinkTrials))]
