@@ -17,17 +17,10 @@ def name_of(page: Page) -> str:
 
 
 @contextmanager
-def second_pilot(
-    browser: Browser, demo: Demo, first: Page, only: str | None = None
-) -> Iterator[Page]:
-    """Let the first, an administrator, make the pilot ben known, and let him sign in.
-
-    Where he pilots one robot ``only``, he looks at the others.
-    """
+def second_pilot(browser: Browser, demo: Demo, first: Page) -> Iterator[Page]:
+    """Let the first, an administrator, make the pilot ben known, and let him sign in."""
     csrf = first.evaluate("fetch('/api/session').then(a => a.json()).then(a => a.csrf_token)")
-    person: dict[str, object] = {"name": "ben", "role": "pilot", "password": PASSWORD}
-    if only is not None:
-        person |= {"role": "viewer", "grants": [{"robot": only, "role": "pilot"}]}
+    person = {"name": "ben", "role": "pilot", "password": PASSWORD}
     made = first.request.post(f"{demo.url}/api/people", data=person, headers={"X-CSRF-Token": csrf})
     assert made.status == 201, made.text()
     context = browser.new_context(viewport={"width": 1440, "height": 900})
@@ -55,6 +48,13 @@ def sheet(page: Page, robot: str = "mini-1") -> Locator:
     return page.get_by_role("region", name=f"Pilot in charge of {robot}")
 
 
+def open_sheet(page: Page, robot: str = "mini-1") -> None:
+    """Open it, if it is not: it closes when the button that had the keyboard is gone."""
+    if not sheet(page, robot).is_visible():
+        charge(page, "", robot).click()
+
+
 def act(page: Page, button: str, robot: str = "mini-1") -> None:
     """Click what may be done about a lease."""
+    open_sheet(page, robot)
     sheet(page, robot).get_by_role("button", name=button).click()
