@@ -7,6 +7,7 @@ contact on a topic becomes one message, and messages on a topic leave no faster 
 then one in ``REFILL_S``: ten thousand causes are a few digests.
 """
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -14,6 +15,7 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
+from db.fault import UnknownIdError
 from db.identity import public_id
 from db.query.station import notices as query
 from db.query.station.alarms import AlarmRecord
@@ -33,6 +35,7 @@ from server.notice.sender import Sender
 from server.notice.settings import read_settings
 from server.notice.wish import Wishes
 
+log = logging.getLogger(__name__)
 REST_S: Final = 0.2
 """Wall time between two looks, so that a burst is one message."""
 BURST: Final = 4
@@ -175,6 +178,7 @@ class Notices:
                 self.deliveries.begin(notice)
 
     async def _take_up(self, contact: str, topic: str, now: datetime) -> NoticeRecord | None:
+        """Make a message of what waits; ``None`` if nothing does, or its contact has just gone."""
         places = self._places()
         expires_at = SystemClock().now() + LIFE
 
@@ -199,7 +203,11 @@ class Notices:
             session.flush()
             return query.get_notice(session, notice)
 
-        return await self._store.write(write)
+        try:
+            return await self._store.write(write)
+        except UnknownIdError:
+            log.info("%s has gone since something waited for it", contact)
+            return None
 
 
 def _drop_unseen(session: Session, contact: str, person: Reachable) -> None:

@@ -283,15 +283,20 @@ def next_due(session: Session, now: datetime) -> datetime | None:
 
 
 def waiting_topics(session: Session, now: datetime) -> list[tuple[str, str]]:
-    """Return contacts for which something waits, with its topic, the gravest first."""
+    """Return contacts for which something waits, with its topic, the gravest first.
+
+    What waits for a person who may not sign in stays where it is.
+    """
     statement = (
         select(NoticeItem.contact_key, NoticeCase.topic)
         .join(NoticeCase, NoticeItem.case_key == NoticeCase.key)
         .join(NoticeContact, NoticeItem.contact_key == NoticeContact.key)
+        .join(Person, NoticeContact.person_key == Person.key)
         .where(
             NoticeItem.notice_key.is_(None),
             NoticeItem.not_before <= now,
             NoticeContact.enabled.is_(True),
+            Person.disabled_at.is_(None),
         )
         .group_by(NoticeItem.contact_key, NoticeCase.topic)
         .order_by(func.max(_rank()).desc(), func.min(NoticeItem.key))

@@ -5,7 +5,11 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
+from db.notice_tables import NoticeItem
+from db.query.station.people import change_person
 from robot_link.clock import SystemClock
 from server.access.role import Role
 from server.notice import delivery, outbox
@@ -364,6 +368,37 @@ async def test_what_waits_is_not_told_to_who_may_not_see_it_any_more(
     assert morning.json["robot"] == GRACE
     assert "It is slow." in words(morning)
     assert "It waits." not in words(morning)
+
+
+async def test_what_waits_for_who_was_shut_out_holds_up_nobody_else(
+    moving: list[timedelta], here: NoticeStation
+):
+    async with web_service() as of_ben, web_service() as of_ann:
+        await here.contact("ben", of_ben.url)
+        now = here.foundation.clock.now()
+        begin, end = now - timedelta(hours=1), now + timedelta(hours=2)
+        await here.wish("ben", quiet={"begin": f"{begin:%H:%M}", "end": f"{end:%H:%M}"})
+        await here.alarms.raise_("kept", "It waits.", level="warning")
+        await until(lambda: here.foundation.store.query(one_item_waits))
+        await here.foundation.store.write(
+            lambda session: change_person(session, "ben", disabled=True, at=now)
+        )
+        await here.contact("ann", of_ann.url)
+        await move(here, moving, minutes=125)
+        await here.alarms.raise_("leak", "It leaks.", level="critical")
+        (taken,) = await of_ann.until_taken()
+        assert "It leaks." in words(taken)
+        assert of_ben.taken == []
+
+
+def one_item_waits(session: Session) -> bool:
+    return session.scalar(select(func.count()).select_from(NoticeItem)) == 1
+
+
+async def test_a_contact_that_goes_just_before_its_message_is_written_ends_nothing(
+    here: NoticeStation,
+):
+    assert await here.notices._take_up("contact-7", "station", SystemClock().now()) is None
 
 
 async def test_link_acknowledges_alarms_of_robots_that_its_person_may_pilot_and_no_others(
