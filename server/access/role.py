@@ -73,6 +73,10 @@ class Rights:
         role = self.for_all if robot is None else self.role_for(robot)
         return right in role.rights
 
+    def may_any(self, right: Right) -> bool:
+        """Tell whether something is allowed with the whole station, or with some robot at all."""
+        return any(right in role.rights for role in (self.for_all, *self.by_robot.values()))
+
     def sees(self, robot: str | None) -> bool:
         """Tell whether what belongs to a robot may be seen; of the station, without one."""
         return self.may(Right.VIEW, robot)

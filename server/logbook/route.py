@@ -236,7 +236,8 @@ async def keep_picture(
 
     422 says why one is not taken.
     """
-    del caller
+    if not caller.rights.may_any(Right.PILOT):
+        raise Problem(403, f"{caller.name} may write about no robot and sends no picture.")
     data = await file.read()
     try:
         kept = await asyncio.to_thread(log_book.pictures.keep, data, file.filename or "")

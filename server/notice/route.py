@@ -398,7 +398,7 @@ CONTACTS_MAX = 20
 
 def _check_pilot(caller: Caller) -> None:
     """Refuse who pilots no robot, by their role or by a grant."""
-    if not any(caller.rights.may(Right.PILOT, robot) for robot in (None, *caller.rights.by_robot)):
+    if not caller.rights.may_any(Right.PILOT):
         raise Problem(403, f"{caller.name} pilots no robot and may not do this.")
 
 
@@ -484,12 +484,11 @@ async def _heartbeat(foundation: Foundation, heartbeat: Heartbeat) -> HeartbeatV
 
 
 def _person(found: Reachable) -> PersonNoticesView:
-    rights = rights_of(found)
     return PersonNoticesView(
         person=found.name,
         wishes=Wishes.model_validate(found.wishes),
         contacts=[same(ContactView, contact) for contact in found.contacts],
-        may_acknowledge=any(rights.may(Right.PILOT, robot) for robot in (None, *rights.by_robot)),
+        may_acknowledge=rights_of(found).may_any(Right.PILOT),
     )
 
 

@@ -98,6 +98,8 @@ async def test_who_may_only_look_writes_nothing(client, dora):
     assert await status(dora, "POST", "/api/logbook/entries", json=said) == 403
     assert await status(dora, "PATCH", path, json={**said, "version": 1}) == 403
     assert await status(dora, "DELETE", path, params={"version": 1}) == 403
+    picture = {"file": ("a.png", png("red"), "image/png")}
+    assert await status(dora, "POST", PICTURES, files=picture) == 403, "nor fills the disk"
     assert texts(await read(client)) == ["Of mini."]
 
 
