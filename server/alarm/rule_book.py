@@ -180,17 +180,19 @@ class RuleBook:
         Raises:
             Problem: 404 without such a rule; 409 if it is out of service already.
         """
-        entry, at = self.get(key), self._clock.now()
-        if (key, robot) in self.out_of_service:
-            raise conflict(f"{entry.rule.title} is out of service for {robot or 'all'} already.")
+        at = self._clock.now()
+        async with self._changing:
+            title = self.get(key).rule.title
+            if (key, robot) in self.out_of_service:
+                raise conflict(f"{title} is out of service for {robot or 'all'} already.")
 
-        def write(session: Session) -> OutOfServiceRecord:
-            text = f"{by} took the alarm rule {entry.rule.title} out of service: {reason}"
-            add_event(session, at, "alarm_rule.out_of_service", text, level="watch", robot=robot,
-                      data={"rule": key})  # fmt: skip
-            return query.begin_out_of_service(session, key, robot, reason, at, by)
+            def write(session: Session) -> OutOfServiceRecord:
+                text = f"{by} took the alarm rule {title} out of service: {reason}"
+                add_event(session, at, "alarm_rule.out_of_service", text, level="watch",
+                          robot=robot, data={"rule": key})  # fmt: skip
+                return query.begin_out_of_service(session, key, robot, reason, at, by)
 
-        self._out.append(await self._store.write(write))
+            self._out.append(await self._store.write(write))
         self._bus.publish(AlarmRulesChanged(key))
         return self.get(key)
 
@@ -200,18 +202,21 @@ class RuleBook:
         Raises:
             Problem: 404 without such a rule, or if it is in service.
         """
-        entry, at = self.get(key), self._clock.now()
-        found = next((one for one in self._out if (one.rule, one.robot) == (key, robot)), None)
-        if found is None:
-            raise not_found(f"{entry.rule.title} is in service for {robot or 'all'}.")
+        at = self._clock.now()
+        async with self._changing:
+            title = self.get(key).rule.title
+            found = next((one for one in self._out if (one.rule, one.robot) == (key, robot)), None)
+            if found is None:
+                raise not_found(f"{title} is in service for {robot or 'all'}.")
 
-        def write(session: Session) -> None:
-            text = f"{by} put the alarm rule {entry.rule.title} into service again."
-            add_event(session, at, "alarm_rule.in_service", text, robot=robot, data={"rule": key})
-            query.end_out_of_service(session, found.key, at, by)
+            def write(session: Session) -> None:
+                text = f"{by} put the alarm rule {title} into service again."
+                add_event(session, at, "alarm_rule.in_service", text, robot=robot,
+                          data={"rule": key})  # fmt: skip
+                query.end_out_of_service(session, found.key, at, by)
 
-        await self._store.write(write)
-        self._out.remove(found)
+            await self._store.write(write)
+            self._out.remove(found)
         self._bus.publish(AlarmRulesChanged(key))
         return self.get(key)
 

@@ -1,5 +1,6 @@
 """Rules are changed, tried and taken out of service; alarms are noted, shelved and assigned."""
 
+import asyncio
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -90,6 +91,14 @@ async def test_a_rule_out_of_service_asks_nobody_until_it_is_put_back(station, c
     assert (await client.post(path, json=out)).status_code == 409
     await ok(client.delete(path, params={"robot": MINI}))
     await until(lambda: alarm(station, "channel leak").state == "unacknowledged")
+
+
+async def test_two_who_take_a_rule_out_at_once_take_it_out_once(client):
+    path, out = f"{RULES}/channel leak/out-of-service", {"reason": "Its sensor is broken."}
+    both = await asyncio.gather(*(client.post(path, json=out) for _ in range(2)))
+    assert sorted(answer.status_code for answer in both) == [200, 409]
+    both = await asyncio.gather(*(client.delete(path) for _ in range(2)))
+    assert sorted(answer.status_code for answer in both) == [200, 404]
 
 
 async def test_a_rule_tried_on_the_past_fires_when_it_would_have(station, client, world):
