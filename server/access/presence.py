@@ -15,7 +15,7 @@ from server.access.caller import Caller
 from server.base.event_bus import EventBus
 
 Who: TypeAlias = tuple[str, str]
-"""Kind of the proof (``session`` or ``token``), and the name."""
+"""``session`` of a person, ``link`` or ``token``, and the name: a link may be called as anybody."""
 KNOWN_MAX: Final = 10_000
 _BACK_S: Final = 30.0
 """Who was not seen for so long has come back when they are seen again."""
@@ -30,7 +30,7 @@ class PresenceChanged:
 
 def who(caller: Caller) -> Who:
     """Return as whom somebody is known here."""
-    return caller.proof.kind, caller.name
+    return "link" if caller.is_link else caller.proof.kind, caller.name
 
 
 class Presence:

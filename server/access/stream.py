@@ -14,7 +14,7 @@ from db.fault import StoreError
 from robot_link.clock import monotonic_s
 from server.access.access import Access
 from server.access.caller import Caller, Proof
-from server.access.presence import Presence
+from server.access.presence import Presence, Who, who
 from server.access.secret import new_secret, secret_hash
 
 Direction: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
@@ -23,7 +23,7 @@ TICKET_S: Final = 30.0
 """How long a ticket waits for its one use."""
 TICKETS_MAX: Final = 1000
 STREAMS_MAX: Final = 100
-"""Of one person or script at once."""
+"""Of one person, link or script at once."""
 LOOK_S: Final = 0.3
 """Between two looks whether the sign-ins in use still hold; another process may end one too."""
 
@@ -75,8 +75,8 @@ class SignInWatch:
 
     def __init__(self, access: Access, presence: Presence) -> None:
         self.presence = presence
-        self.streams: Counter[str] = Counter()
-        """How many streams are open, by the name of who opened them."""
+        self.streams: Counter[Who] = Counter()
+        """How many streams are open, by who opened them."""
         self._access = access
         self._watched: dict[asyncio.Event, Caller] = {}
         self._has_some = asyncio.Event()
@@ -122,15 +122,16 @@ async def serve_stream(
     The browser is told 1001 where the far end has gone, 1008 where its sign-in ended, and 1013
     where its person has too many streams already.
     """
-    if watch.streams[caller.name] >= STREAMS_MAX:
+    one = who(caller)
+    if watch.streams[one] >= STREAMS_MAX:
         await websocket.close(status.WS_1013_TRY_AGAIN_LATER)
         return
     with watch.watching(caller) as ended, watch.presence.present(caller):
-        watch.streams[caller.name] += 1
+        watch.streams[one] += 1
         try:
             await _serve_until(ended, websocket, name, directions)
         finally:
-            watch.streams[caller.name] -= 1
+            watch.streams[one] -= 1
 
 
 async def _serve_until(

@@ -18,7 +18,7 @@ from server.access.role import Role
 from server.access.stream import LOOK_S, SignInWatch
 from server.target import route as target_route
 from tests.server.conftest import GRACE, MINI, until
-from tests.server.station_app import PASSWORD, client_of, token_of
+from tests.server.station_app import PASSWORD, bearer, client_of, token_of
 
 SOON_S = 1.0
 
@@ -117,6 +117,18 @@ async def test_nobody_opens_streams_without_end(client, address, monkeypatch):
     await until(lambda: not +watch.streams)
     async with websockets.connect(uri + await ticket(client)) as again:
         await again.recv()
+
+
+async def test_script_that_is_called_as_a_person_takes_none_of_their_streams(
+    client, address, bob, monkeypatch
+):
+    monkeypatch.setattr(stream, "STREAMS_MAX", 1)
+    uri = f"ws://{address}/api/live?ticket="
+    script = {"headers": bearer(await token_of(client.app, Role.PILOT, "bob"))}
+    async with websockets.connect(uri + await ticket(client, **script)) as first:
+        await first.recv()
+        async with websockets.connect(uri + await ticket(bob)) as second:
+            await second.recv()
 
 
 async def test_many_streams_of_one_sign_in_are_one_question(client, address, monkeypatch):
