@@ -22,7 +22,7 @@ from server.base.channels import catalogue_in
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
 from server.base.foundation import Foundation
-from server.base.job import JobProgress
+from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, conflict, unprocessable
 from server.base.study import worked_out
 from server.delivery import file_task
@@ -105,8 +105,14 @@ def order_of(
 def write_kept(
     session: Session, order: FileOrder, kept: KeptFile, at: datetime, by: str
 ) -> DeliveryFile:
-    """Note a file that is kept, with its event."""
+    """Note a file that is kept, with its event.
+
+    Raises:
+        JobError: If the deployment is not what it was when the file was begun: signed or opened
+            anew, of other times, or void.
+    """
     record = order.wanted.deployment
+    _refuse_changed(session, order)
     file = add_delivery_file(
         session,
         record.id,
@@ -128,6 +134,19 @@ def write_kept(
     data = {"deployment": record.id, "file": file.id, "sha256": kept.sha256}
     add_event(session, at, "deployment.written", text, robot=record.robot, data=data)
     return file
+
+
+def _refuse_changed(session: Session, order: FileOrder) -> None:
+    """Refuse a file that tells of its deployment what is not so any more."""
+    begun, now = order.wanted.deployment, get_deployment(session, order.wanted.deployment.id)
+    has_other_end = begun.last_at is not None and begun.last_at != now.last_at
+    if has_other_end or _told(begun) != _told(now):
+        raise JobError(f"{now.id} was changed while its file was written; write it anew.")
+
+
+def _told(record: DeploymentRecord) -> tuple[object, ...]:
+    """Return what a file says of a deployment itself."""
+    return mode_of(record), record.document.get("review"), record.begun_at, record.void_reason
 
 
 def _document(order: FileOrder, kept: KeptFile) -> Mapping[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from server.base.job import JobError
 from server.base.problem import Problem
 from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
 from server.cli.deployment_verb.word import BY, refusal
@@ -77,11 +78,11 @@ def _here(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
                 )
             target = _free(arguments.folder / f"{order.identity}.nc")
             kept = file_task.run(order, lambda _: None, lambda: False)
+            store.change(lambda session: write_kept(session, order, kept, at, BY)).result()
         except Problem as problem:
             raise CommandError(refusal(problem)) from problem
-        except ValueError as error:
+        except (JobError, ValueError) as error:
             raise CommandError(str(error)) from error
-        store.change(lambda session: write_kept(session, order, kept, at, BY)).result()
     shutil.copyfile(file_task.kept_path(settings.data_dir / FOLDER, kept.sha256), target)
     return target, [asdict(one) for one in kept.checks]
 

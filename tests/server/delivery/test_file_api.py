@@ -84,6 +84,25 @@ async def test_a_file_is_written_checked_listed_and_fetched(
     assert "wrote mode D of deployment-1, signed by" in second
 
 
+async def test_a_file_of_a_deployment_that_was_opened_anew_meanwhile_is_not_kept(
+    client, station, deployment, monkeypatch
+):
+    monkeypatch.setattr(file_task, "field_checks", lambda *_: [])
+    await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
+    await answered(client.post(f"{deployment}/end"))
+    await answered(client.post(f"{deployment}/review"))
+
+    async def run_meanwhile(pool, task, payload, *, on_progress=None, processor_limit_s=None):
+        await answered(client.post(f"{deployment}/reopen", json={"reason": "A spike was seen."}))
+        return file_task.run(payload, on_progress or (lambda _: None), lambda: False)
+
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", run_meanwhile)
+    told = await write(client, deployment, no_better_data=True)
+    assert told["state"] == "failed"
+    assert "was changed while its file was written" in told["message"]
+    assert (await answered(client.get(f"{deployment}/files")))["files"] == []
+
+
 async def test_a_void_or_planned_deployment_has_no_file_and_a_viewer_only_looks(client, station):
     planned = await answered(client.post("/api/deployments", json={"robot": MINI}), 201)
     path = f"/api/deployments/{planned['id']}"
