@@ -19,7 +19,7 @@ from onboard.flight.depth_zero import DepthZero
 from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
-from onboard.flight.navigation import Estimate, Navigator
+from onboard.flight.navigation import CurrentBelief, Estimate, Navigator
 from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
@@ -119,6 +119,7 @@ class OnboardProgram:
         hardware: Its body.
         started_at: Its clock now.
         stamp: Tells the time by the robot's own clock; without it the steps are counted.
+        current: What was learned of the current before; None as when a robot is switched on.
     """
 
     def __init__(
@@ -133,6 +134,7 @@ class OnboardProgram:
         hardware: Hardware,
         started_at: datetime,
         stamp: Callable[[], datetime] | None = None,
+        current: CurrentBelief | None = None,
     ) -> None:
         self._robot = robot
         self._stamp = stamp
@@ -145,7 +147,7 @@ class OnboardProgram:
         self.depth_zero = DepthZero()
         """What its depth sensor reads at the surface."""
         self._readings = self.depth_zero.corrected(hardware.read())
-        self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
+        self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S, current)
         pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
             Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot),

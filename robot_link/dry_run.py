@@ -70,7 +70,7 @@ class DryRunProblem:
     another part of it, and they cancel over all flights."""
     known_current_std_m_s: float | None = None
     """How well the robot says that it knows the current when it begins, standard deviation per
-    axis; ``None`` where it knows as little as when it is switched on."""
+    axis, the doubt not counted; ``None`` where it knows as little as when it is switched on."""
     doubt: float = 1.0
     """How many times larger than its filter's own it states deviations when it begins."""
     runs: int = 4

@@ -8,6 +8,7 @@ from pathlib import Path
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from onboard.computer import KEY_FILE, Computer
 from onboard.flight.hardware import Hardware
+from onboard.flight.navigation import CurrentBelief
 from onboard.memory import read_key
 from onboard.node.client import NodeClient
 from onboard.program import OnboardProgram
@@ -21,6 +22,7 @@ def program_of(
     hardware: Hardware,
     started_at: datetime,
     stamp: Callable[[], datetime] | None = None,
+    current: CurrentBelief | None = None,
 ) -> OnboardProgram:
     """Return a robot's program.
 
@@ -29,6 +31,7 @@ def program_of(
         hardware: Its body.
         started_at: Its clock at the beginning.
         stamp: Tells the time by its own clock; by default the steps are counted.
+        current: What it learned of the current before; None as when it is switched on.
     """
     vehicle = definition.vehicle
     return OnboardProgram(
@@ -41,6 +44,7 @@ def program_of(
         hardware=hardware,
         started_at=started_at,
         stamp=stamp,
+        current=current,
     )
 
 

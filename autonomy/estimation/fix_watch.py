@@ -21,6 +21,8 @@ SHORTEST_DIVE_S = 10.0
 """A shorter time without a fix tells nothing of the water."""
 SURPRISE = 5.99
 """One honest dive in twenty is farther off."""
+DOUBTED_DIVES = 2
+"""So many dives stand for a doubt that a robot begins with: few, so that it soon learns better."""
 DISTANCES = 5.0
 """Two fixes of one place lie within so many standard deviations of their difference."""
 
@@ -62,6 +64,18 @@ class FixWatch:
                 fix tells of a current is learned, and says little of the rest.
         """
         self._seen.append((squared, weight))
+
+    def begin_with(self, doubt: float) -> None:
+        """Begin with a doubt that was found before; one is none."""
+        if doubt > 1.0:
+            for _ in range(DOUBTED_DIVES):
+                self.take(doubted_distance(doubt))
+
+
+def doubted_distance(doubt: float) -> float:
+    """Return the squared distance at which ``DOUBTED_DIVES`` dives alone make for a doubt."""
+    freedom = PRIOR_FREEDOM + 2.0 * DOUBTED_DIVES
+    return (freedom * doubt**2 - PRIOR_FREEDOM) / DOUBTED_DIVES
 
 
 class Verdict(Enum):

@@ -219,6 +219,23 @@ class ModelFilter:
         if depth_m <= self._estimator.surface_depth_m:
             self._take_fix(fix_ne)
 
+    def begin_with_current(
+        self, current_ne_m_s: tuple[float, float], std_m_s: float, doubt: float
+    ) -> None:
+        """Begin with a steady current that was learned before; only before the first step.
+
+        Args:
+            current_ne_m_s: North and east.
+            std_m_s: Of it per axis, the doubt not counted.
+            doubt: How many times larger all deviations are to be stated, 1 or more.
+        """
+        steady = slice(kernel.STEADY_NORTH, kernel.EDDY_NORTH)
+        self._x[steady] = current_ne_m_s
+        self._S[steady] = 0.0
+        self._S[steady, steady] = std_m_s * np.eye(2)
+        self._watch.begin_with(doubt)
+        self._doubt = self._watch.doubt
+
     def hear_current(self, current_ne_m_s: tuple[float, float], std_m_s: float) -> None:
         """Take somebody's word of the steady current, north and east, for what it is worth."""
         for axis, told in enumerate(current_ne_m_s):

@@ -69,11 +69,18 @@ def measure() -> list[dict[str, Any]]:
 
 
 def problem_of(generator: np.random.Generator, water: str, duration_s: float) -> DryRunProblem:
-    """Return a drawn mission with what the station would tell of it."""
+    """Return a drawn mission with what the station would tell of it.
+
+    Of three robots one was just switched on, one has told what it knows of the current, and one
+    doubts itself besides.
+    """
     definition = ROBOTS[water]
     config = PLANNER_PRESETS[definition.vehicle.key]
     mission = mission_of(generator, config, duration_s, 2.0 * config.max_uncertainty_m)
     start = mission.settings.start_x_m, mission.settings.start_y_m
+    # what is left unknown once a dive or a stay has told of it
+    unknown_m_s = 0.4 * definition.estimator.steady_current_m_s
+    known = int(generator.integers(3))
     return DryRunProblem(
         mission=mission,
         planned_points=candidate_of(config, mission.legs).points,
@@ -82,8 +89,9 @@ def problem_of(generator: np.random.Generator, water: str, duration_s: float) ->
         start_ne_m=start,
         heading_rad=float(generator.uniform(-np.pi, np.pi)),
         drift_m_sqrt_s=definition.drift_m_sqrt_s,
-        # what is left unknown once a dive or a stay has told of it
-        unknown_current_std_m_s=0.4 * definition.estimator.steady_current_m_s,
+        unknown_current_std_m_s=unknown_m_s,
+        known_current_std_m_s=unknown_m_s if known else None,
+        doubt=float(generator.uniform(1.2, 3.0)) if known == 2 else 1.0,
         seed=int(generator.integers(2**31)),
     )
 
@@ -185,12 +193,10 @@ def judged(seed: int, water: str, is_told_wrong: bool) -> tuple[list[float], lis
     """
     generator = np.random.default_rng(seed)
     asked = problem_of(generator, water, _DURATIONS_S[water])
+    told, off_ne_m_s = asked, np.zeros(2)
     if is_told_wrong:
-        off = asked.unknown_current_std_m_s * generator.standard_normal(2)
-        met = replace(asked, current_ne_m_s=(float(off[0]), float(off[1])))
+        off_ne_m_s = asked.unknown_current_std_m_s * generator.standard_normal(2)
         asked = replace(asked, unknown_current_std_m_s=2.0**0.5 * asked.unknown_current_std_m_s)
-    else:
-        met = asked
     found = ensemble.run(replace(asked, runs=200), lambda _: None, lambda: False)
     band = found.band
     if band is None:
@@ -199,7 +205,9 @@ def judged(seed: int, water: str, is_told_wrong: bool) -> tuple[list[float], lis
     places: list[float] = []
     batteries: list[float] = []
     for _ in range(EACH):
-        drawn = drawn_for(met, definition, generator)
+        drawn = drawn_for(told, definition, generator)
+        north, east = (drawn.current_ne_m_s + off_ne_m_s).tolist()
+        drawn = replace(drawn, current_ne_m_s=(north, east))
         real = readable.fly_readable(
             definition, asked.mission, drawn, int(generator.integers(2**31))
         )

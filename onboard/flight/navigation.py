@@ -122,6 +122,10 @@ class WaterTrack(Protocol):
         """Take what the plan counts on for this dive; None where it tells nothing."""
         ...
 
+    def begin_with(self, current: CurrentBelief) -> None:
+        """Begin with a current that was learned before; only before the first step."""
+        ...
+
 
 class ObserverTrack:
     """Velocity observer and position filter, which learn no current.
@@ -189,6 +193,9 @@ class ObserverTrack:
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
         """Leave it: this robot reckons with no current."""
 
+    def begin_with(self, current: CurrentBelief) -> None:
+        """Leave it likewise."""
+
 
 class ModelTrack:
     """The filter on the vehicle's model, which learns current and ballast error.
@@ -246,6 +253,11 @@ class ModelTrack:
             north, east = current_ne_m_s
             self._filter.shift_current((north - before[0], east - before[1]))
 
+    def begin_with(self, current: CurrentBelief) -> None:
+        """Begin with a current that was learned before; only before the first step."""
+        own_std_m_s = current.std_m_s / current.doubt
+        self._filter.begin_with_current(current.current_ne_m_s, own_std_m_s, current.doubt)
+
     def step(
         self,
         dt_s: float,
@@ -294,6 +306,7 @@ class Navigator:
         site: Bounds the first position when there is no fix yet.
         readings: First readings.
         period_s: Time between two steps.
+        current: What was learned of the current before; None as when a robot is switched on.
 
     Raises:
         ValueError: If the first readings are not finite.
@@ -306,6 +319,7 @@ class Navigator:
         site: Site,
         readings: Readings,
         period_s: float,
+        current: CurrentBelief | None = None,
     ) -> None:
         water = site.water
         unknown_m = math.hypot(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m) / 2.0
@@ -324,6 +338,8 @@ class Navigator:
             config.fix_std_m if fix else unknown_m,
             readings,
         )
+        if current is not None:
+            self._track.begin_with(current)
         self._attitude = AttitudeFilter(_angles(readings), readings.gyro_rad_s)
         self._headings: deque[float] = deque(
             maxlen=round(1.0 / (vehicle.swim.frequency_hz * period_s))

@@ -70,7 +70,8 @@ def _belief(problem: DryRunProblem, flow_share: float) -> CurrentBelief | None:
     if problem.flow is not None:
         table_north, table_east = flow_at(table_of(problem.flow), *problem.start_ne_m, 0.0, 0.0)
         north, east = north + flow_share * table_north, east + flow_share * table_east
-    return CurrentBelief((north, east), problem.known_current_std_m_s, problem.doubt)
+    stated_m_s = problem.doubt * problem.known_current_std_m_s
+    return CurrentBelief((north, east), stated_m_s, problem.doubt)
 
 
 def vehicle_for(vehicle: Vehicle, spread: Spread, generator: np.random.Generator) -> Vehicle:

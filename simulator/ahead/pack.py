@@ -16,7 +16,7 @@ from autonomy.estimation.config import (
     EstimatorConfig,
     ModelFilterConfig,
 )
-from autonomy.estimation.fix_watch import PRIOR_FREEDOM
+from autonomy.estimation.fix_watch import DOUBTED_DIVES, doubted_distance
 from autonomy.estimation.known_current import TOLD_LEAST_M_S, TOLD_SHARE, UNTOLD
 from autonomy.estimation.model_filter import (
     FASTEST_CURRENT_STDS,
@@ -79,8 +79,6 @@ class Grain(NamedTuple):
     """The same of the body where nothing is near that it could touch (``body.move``)."""
 
 
-_DOUBTED_DIVES = 2
-"""So many dives make a robot doubt itself that says it does; few, so that it may learn better."""
 WALLS = 8
 """Where ``Surroundings.packed()`` says whether there are walls."""
 EXACT = Grain(PERIOD_S, 5, 1, 1, 5)
@@ -269,15 +267,12 @@ def _belief(definition: RobotDefinition, belief: CurrentBelief | None) -> dict[s
     if belief is None:
         std[steady] *= UNTOLD
         return {"first_std": std}
-    std[steady] = belief.std_m_s
-    dives = _DOUBTED_DIVES if belief.doubt > 1.0 else 0
-    # so far off that the watch over them doubts as much (``FixWatch``)
-    freedom = PRIOR_FREEDOM + 2.0 * _DOUBTED_DIVES
+    std[steady] = belief.std_m_s / belief.doubt
     return {
         "first_std": std,
         "first_current_ne_m_s": belief.current_ne_m_s,
-        "first_dives": dives,
-        "first_squared": (freedom * belief.doubt**2 - PRIOR_FREEDOM) / _DOUBTED_DIVES,
+        "first_dives": DOUBTED_DIVES if belief.doubt > 1.0 else 0,
+        "first_squared": doubted_distance(belief.doubt),
     }
 
 

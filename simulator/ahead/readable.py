@@ -161,7 +161,8 @@ def readable_robot(
     body.battery.fraction = drawn.battery
     body.sensors.buoyancy_bias_kg = drawn.buoyancy_bias_kg
     body.sensors.mass_position_bias_m = drawn.mass_position_bias_m
-    return ReadableRobot(body, program_of(replace(definition, instruments=()), body, _EPOCH))
+    aboard = replace(definition, instruments=())
+    return ReadableRobot(body, program_of(aboard, body, _EPOCH, current=drawn.belief))
 
 
 def fly_readable(
@@ -179,12 +180,7 @@ def fly_readable(
         drawn: What this flight meets.
         seed: Of all that is random.
         is_cancelled: Asked now and then whether to stop.
-
-    Raises:
-        ValueError: If the robot is to know of the current before; it is switched on here.
     """
-    if drawn.belief is not None:
-        raise ValueError("the readable program knows no current when it is switched on")
     eddies, sensors = NotedGenerator([seed, 1], 2), NotedGenerator([seed, 2], SENSED)
     randomness = (eddies, sensors, np.random.default_rng([seed, 3]))
     robot, radio = readable_robot(definition, drawn, seed, randomness), _Silence()

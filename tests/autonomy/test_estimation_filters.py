@@ -67,6 +67,27 @@ def test_fixes_tell_the_current_that_carries_a_resting_robot() -> None:
     assert std < 0.004
 
 
+@pytest.mark.parametrize("doubt", [1.0, 2.0])
+def test_a_current_that_was_known_before_carries_a_dive_as_far_as_it_is_unsure(
+    doubt: float,
+) -> None:
+    follower = model_filter()
+    follower.begin_with_current((0.02, -0.01), 0.003, doubt)
+    assert follower.steady_current_ne_m_s == (0.02, -0.01)
+    assert follower.steady_current_std_m_s == pytest.approx(doubt * 0.003)
+    assert follower.doubt == pytest.approx(doubt)
+    unsure, sure = model_filter(), model_filter()
+    sure.begin_with_current((0.0, 0.0), 0.0, doubt)
+    for each in (follower, unsure, sure):
+        for _ in range(600):
+            drift_by(each)
+    north_m, east_m, _ = np.subtract(follower.position_ned, sure.position_ned)
+    assert (north_m, east_m) == pytest.approx((60.0 * 0.02, -60.0 * 0.01), rel=0.01)
+    gained = follower.position_std_m**2 - sure.position_std_m**2
+    assert gained == pytest.approx((doubt * 0.003 * 60.0) ** 2, rel=0.05)
+    assert unsure.position_std_m / unsure.doubt > 2.0 * follower.position_std_m / follower.doubt
+
+
 def test_depth_tells_that_the_ballast_is_wrong() -> None:
     follower = model_filter(ModelFilterConfig(buoyancy_bias_kg=0.001))
     depth, speed = 1.0, 0.0

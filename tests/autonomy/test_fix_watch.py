@@ -58,6 +58,16 @@ def test_the_doubt_is_bounded(seen: list[tuple[float, float]], least: float) -> 
     assert least <= watch.doubt <= MOST_DOUBT
 
 
+@pytest.mark.parametrize("doubt", [1.0, 1.3, 2.5])
+def test_a_watch_begins_with_a_doubt_that_was_found_before_and_learns_better(doubt: float) -> None:
+    watch = FixWatch()
+    watch.begin_with(doubt)
+    assert watch.doubt == pytest.approx(doubt)
+    for _ in range(DIVES):
+        watch.take(2.0)
+    assert watch.doubt == pytest.approx(1.0)
+
+
 def gate() -> FixGate:
     return FixGate(20.0, 3, SPEED_M_S, FIX_STD_M)
 

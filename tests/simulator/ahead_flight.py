@@ -8,6 +8,7 @@ from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.vehicle.config import Vehicle
 from benchmarks.drawn.mission import mission_of
 from benchmarks.drawn.twin import calm_rows
+from onboard.flight.navigation import CurrentBelief
 from robot_link.mission import Mission
 from simulator.ahead import flight, readable
 from simulator.ahead.drawn import Drawn
@@ -18,6 +19,7 @@ from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 ROBOTS = {"tank": MINI_1, "lake": GRACE_1}
 DURATION_S = {"tank": 150.0, "lake": 700.0}
 """Of the legs of a drawn mission, about."""
+STARTS = ("just switched on", "it knows the current", "it knows the current and doubts itself")
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,18 @@ class Pair:
 
 
 def drawn_case(
-    generator: np.random.Generator, water: str
+    generator: np.random.Generator, water: str, start: str
 ) -> tuple[RobotDefinition, Mission, Drawn]:
     """Return robot, mission and what the flight meets, all drawn.
 
     The vehicle's numbers differ by a twentieth (standard deviation) from what the robot believes,
     ballast and sliding mass are off as the sensors' model says, the current has the strength that
-    the filter expects.
+    the filter expects. What the robot knows of it at the start is off as far as it says.
+
+    Args:
+        generator: Source of randomness.
+        water: One of ``ROBOTS``.
+        start: One of ``STARTS``.
     """
     definition = ROBOTS[water]
     config = PLANNER_PRESETS[definition.vehicle.key]
@@ -71,7 +78,21 @@ def drawn_case(
         capacity_wh=definition.battery.capacity_wh * float(generator.uniform(0.8, 1.0)),
         battery=float(generator.uniform(0.5, 1.0)),
     )
+    if start != STARTS[0]:
+        doubt = float(generator.uniform(1.2, 3.0)) if start == STARTS[2] else 1.0
+        drawn = replace(drawn, belief=_belief(generator, drawn.current_ne_m_s, current, doubt))
     return definition, mission, drawn
+
+
+def _belief(
+    generator: np.random.Generator,
+    true_ne_m_s: tuple[float, float],
+    usual_m_s: float,
+    doubt: float,
+) -> CurrentBelief:
+    std_m_s = usual_m_s * float(np.exp(generator.uniform(np.log(0.05), 0.0)))
+    north, east = (true_ne_m_s + doubt * std_m_s * generator.standard_normal(2)).tolist()
+    return CurrentBelief((north, east), doubt * std_m_s, doubt)
 
 
 def _other(generator: np.random.Generator, vehicle: Vehicle) -> Vehicle:
@@ -83,9 +104,9 @@ def _other(generator: np.random.Generator, vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, parameters=vehicle.parameters.model_copy(update=changed))
 
 
-def flown_pair(seed: int, water: str) -> Pair:
+def flown_pair(seed: int, water: str, start: str) -> Pair:
     """Fly what a seed draws by both."""
-    definition, mission, drawn = drawn_case(np.random.default_rng(seed), water)
+    definition, mission, drawn = drawn_case(np.random.default_rng(seed), water, start)
     truth = readable.fly_readable(definition, mission, drawn, seed)
     assert truth is not None
     plan = flight.FlightPlan.of(definition, mission, EXACT, row_s=0.1)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from simulator.ahead.state import ROW_BATTERY, ROW_BELIEVED_NORTH, ROW_DOWN, ROW_NORTH, ROW_STD
-from tests.simulator.ahead_flight import flown_pair, leg_length_m
+from tests.simulator.ahead_flight import STARTS, flown_pair, leg_length_m
 
 
 @pytest.mark.timeout(900)  # the kernel may have to be compiled first
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("water", ["tank", "lake"])
-def test_the_kernel_flies_as_the_readable_program_does_leg_by_leg(water, number):
+def test_the_kernel_flies_as_the_readable_program_does_leg_by_leg(water, start):
     seed = int(np.random.SeedSequence().generate_state(1)[0])
-    sys.stdout.write(f"\nflight {number} in the {water}: seed {seed}\n")
-    pair = flown_pair(seed, water)
+    sys.stdout.write(f"\nin the {water}, {start}: seed {seed}\n")
+    pair = flown_pair(seed, water, start)
     count, until_s = pair.calm_rows, pair.calm_until_s
     truth, mine = pair.readable.rows[:count], pair.compiled.rows[:count]
     sys.stdout.write(f"judged for {until_s:.0f} of {pair.readable.rows[-1, 0]:.0f} s\n")
