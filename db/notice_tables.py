@@ -47,6 +47,7 @@ class NoticeCase(Base):
     robot: Mapped[str | None]
     text: Mapped[str]
     alarm: Mapped[str | None] = mapped_column(index=True)
+    person: Mapped[str | None]
     raised_at: Mapped[datetime]
     cursor: Mapped[int | None] = mapped_column(Key, unique=True)
     step: Mapped[int] = mapped_column(Integer)

@@ -346,6 +346,7 @@ class Alarm(Base):
     note: Mapped[str]
     noted_by: Mapped[str | None]
     assigned_to: Mapped[str | None]
+    assigned_by: Mapped[str | None]
     shelved_until: Mapped[datetime | None]
     shelved_by: Mapped[str | None]
 

@@ -9,8 +9,14 @@ from sqlalchemy.orm import Session
 
 from db.identity import key_of
 from db.query.station.grants import Holder, robot_roles
-from db.query.station.people import SessionRecord, TokenRecord, find_session, find_token
-from server.access.role import Rights, Role
+from db.query.station.people import (
+    SessionRecord,
+    TokenRecord,
+    find_person,
+    find_session,
+    find_token,
+)
+from server.access.role import Right, Rights, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +68,16 @@ def callers_of(session: Session, proofs: Collection[Proof], at: datetime) -> dic
     return {
         proof: _caller(proof, record, roles[holder_of(record)]) for proof, record in found.items()
     }
+
+
+def may_pilot(session: Session, name: str, robot: str | None) -> bool:
+    """Tell whether a person may pilot a robot, or the whole station, by their role or a grant."""
+    person = find_person(session, name)
+    if person is None or person.disabled_at is not None:
+        return False
+    holder = Holder(person=person.key)
+    rights = Rights.of(person.role, robot_roles(session, [holder])[holder])
+    return rights.may(Right.PILOT, robot)
 
 
 def holder_of(record: SessionRecord | TokenRecord) -> Holder:

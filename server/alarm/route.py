@@ -8,11 +8,13 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime, Field
+from sqlalchemy.orm import Session
 
 from autonomy.channel import ALARM_LEVELS
+from db.query.fleet.subject import robot_of
 from db.query.station.alarms import AlarmRecord, alarms_of, closed_alarms
-from db.query.station.people import find_person
 from db.record import same
+from server.access.caller import may_pilot
 from server.access.dependency import Pilot, Viewer
 from server.base.alarm_board import ALARM_STATES, WAITING
 from server.base.dependency import DeploymentDep, FoundationDep, period_of
@@ -29,6 +31,7 @@ _UNSAID: Mapping[str, Any] = MappingProxyType(
         "note": "",
         "noted_by": None,
         "assigned_to": None,
+        "assigned_by": None,
         "shelved_by": None,
     }
 )
@@ -61,6 +64,9 @@ class AlarmView(View):
     note: str
     noted_by: str | None
     assigned_to: str | None
+    """Who looks after it."""
+    assigned_by: str | None
+    """Who said so last."""
     shelved_until: datetime | None
     shelved_by: str | None
 
@@ -102,6 +108,8 @@ class Assignment(Body):
 
     person: Name | None
     """``null`` for nobody any more."""
+    note: str = Field(default="", max_length=NOTE_LENGTH_MAX)
+    """What is said with it; empty for nothing."""
 
 
 @router.get("")
@@ -187,15 +195,22 @@ async def note_alarm(
 async def assign(
     caller: Pilot, alarm: str, assignment: Assignment, foundation: FoundationDep
 ) -> AlarmView:
-    """Say who looks after an alarm: a person of this station, or nobody."""
-    del caller
+    """Say who looks after an alarm: a person who may pilot its robot, or nobody.
+
+    Another person than the caller gets a notice of it; nobody else does.
+    """
     person = assignment.person
-    if person is not None:
-        known = await foundation.store.query(lambda session: find_person(session, person))
-        if known is None:
-            wrong = FieldError(loc=["person"], msg=f"There is no person {person!r}.")
+
+    def check(session: Session) -> None:
+        robot = robot_of(session, "alarm", alarm)
+        if person is not None and not may_pilot(session, person, robot):
+            whole = "what belongs to the station as a whole"
+            wrong = FieldError(loc=["person"], msg=f"{person!r} may not pilot {robot or whole}.")
             raise unprocessable("1 field is wrong.", [wrong])
-    return _view(await foundation.alarms.assign(alarm, person))
+
+    await foundation.store.query(check)
+    note = assignment.note.strip()
+    return _view(await foundation.alarms.assign(alarm, caller.name, person, note))
 
 
 def _urgency(alarm: AlarmRecord) -> tuple[bool, int, datetime]:

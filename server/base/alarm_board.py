@@ -34,7 +34,7 @@ import itertools
 import logging
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
 from types import MappingProxyType
@@ -102,6 +102,17 @@ def step(state: str, evidence: AlarmEvidence) -> Step | None:
     return _TABLE.get((state, evidence))
 
 
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """A step of an alarm's life as it is written."""
+
+    alarm: AlarmRecord
+    kind: str
+    at: datetime
+    note: str
+    """What a person said with it."""
+
+
 class AlarmBoard:
     """The open alarms of the station.
 
@@ -117,7 +128,7 @@ class AlarmBoard:
         self._of_cause: dict[tuple[str, str | None], AlarmRecord] = {}
         """The same alarms, by cause and robot."""
         self._last_number = 0
-        self._unsaved: deque[tuple[AlarmRecord, str, datetime]] = deque()
+        self._unsaved: deque[_Kept] = deque()
         self._saving = asyncio.Lock()
 
     async def load(self) -> None:
@@ -253,7 +264,7 @@ class AlarmBoard:
         if step(alarm.state, AlarmEvidence.SEEN) is None:
             return await self._put(noted, "alarm.noted") if note else alarm
         seen = {"acknowledged_at": self._clock.now(), "acknowledged_by": by}
-        return await self._move(noted, AlarmEvidence.SEEN, **seen)
+        return await self._move(noted, AlarmEvidence.SEEN, note, **seen)
 
     async def shelve(self, alarm_id: str, by: str, until: datetime, note: str) -> AlarmRecord:
         """Set an alarm aside until a moment, at which it comes back by itself.
@@ -290,16 +301,24 @@ class AlarmBoard:
         alarm = self._find(alarm_id)
         return await self._put(replace(alarm, note=note, noted_by=by), "alarm.noted")
 
-    async def assign(self, alarm_id: str, to: str | None) -> AlarmRecord:
-        """Say who looks after an alarm; ``None`` for nobody any more.
+    async def assign(self, alarm_id: str, by: str, to: str | None, note: str = "") -> AlarmRecord:
+        """Say who looks after an alarm; saying so twice changes nothing but its note.
+
+        Args:
+            alarm_id: Which.
+            by: Who says so.
+            to: Who looks after it; ``None`` for nobody any more.
+            note: What is said with it; "" for nothing.
 
         Raises:
             Problem: 404 without such an open alarm.
         """
         alarm = self._find(alarm_id)
+        noted = replace(alarm, note=note, noted_by=by) if note else alarm
         if alarm.assigned_to == to:
-            return alarm
-        return await self._put(replace(alarm, assigned_to=to), "alarm.assigned")
+            return await self._put(noted, "alarm.noted") if note else alarm
+        assigned = replace(noted, assigned_to=to, assigned_by=by)
+        return await self._put(assigned, "alarm.assigned", note)
 
     async def save_waiting(self) -> None:
         """Write what is not kept yet, in the order in which it happened, many at a time."""
@@ -320,6 +339,8 @@ class AlarmBoard:
         self,
         alarm: AlarmRecord,
         evidence: AlarmEvidence,
+        said: str = "",
+        /,
         **changes: Any,  # noqa: ANN401 - the fields differ in type
     ) -> AlarmRecord:
         """Move an alarm by its table, and keep it."""
@@ -328,16 +349,17 @@ class AlarmBoard:
             raise conflict(f"{alarm.id} is {_words(alarm.state)}; that changes nothing.")
         if following.state == "shelved" and evidence is AlarmEvidence.RAISED:
             changes = {}
-        return await self._put(replace(alarm, state=following.state, **changes), following.event)
+        moved = replace(alarm, state=following.state, **changes)
+        return await self._put(moved, following.event, said)
 
-    async def _put(self, alarm: AlarmRecord, kind: str) -> AlarmRecord:
+    async def _put(self, alarm: AlarmRecord, kind: str, said: str = "") -> AlarmRecord:
         about = (alarm.cause, alarm.robot)
         if alarm.state == "closed":
             self._open.pop(alarm.id, None)
             self._of_cause.pop(about, None)
         else:
             self._open[alarm.id] = self._of_cause[about] = alarm
-        self._unsaved.append((alarm, kind, self._clock.now()))
+        self._unsaved.append(_Kept(alarm, kind, self._clock.now(), said))
         try:
             await self.save_waiting()
         except StoreUnavailableError:
@@ -350,11 +372,12 @@ def _words(state: str) -> str:
     return state.replace("_", " ")
 
 
-def _sentence(alarm: AlarmRecord, kind: str) -> str:
+def _sentence(kept: _Kept) -> str:
     """Return what the log says of a step of an alarm's life; each step has its own words."""
-    match kind:
+    alarm = kept.alarm
+    said = f" ({kept.note})" if kept.note else ""
+    match kept.kind:
         case "alarm.acknowledged":
-            said = f" ({alarm.note})" if alarm.note else ""
             return f"{alarm.acknowledged_by} acknowledged: {alarm.text}{said}"
         case "alarm.returned" | "alarm.closed":
             return f"Back to normal: {alarm.text}"
@@ -372,10 +395,18 @@ def _sentence(alarm: AlarmRecord, kind: str) -> str:
         case "alarm.noted":
             return f"{alarm.noted_by} noted on {alarm.id}: {alarm.note}"
         case "alarm.assigned":
-            return f"{alarm.id} is {alarm.assigned_to or 'nobody'}'s: {alarm.text}"
+            return _assignment(alarm, said)
         case _:
             times = "" if alarm.count == 1 else f" ({alarm.count} times)"
             return f"{alarm.text}{times}"
+
+
+def _assignment(alarm: AlarmRecord, said: str) -> str:
+    by, to = alarm.assigned_by, alarm.assigned_to
+    if to is None:
+        return f"{by} has nobody look after {alarm.id} any more{said}: {alarm.text}"
+    asks = f"{by} looks" if by == to else f"{by} asks {to} to look"
+    return f"{asks} after {alarm.id}{said}: {alarm.text}"
 
 
 def _is_logged(alarm: AlarmRecord, kind: str) -> bool:
@@ -384,17 +415,25 @@ def _is_logged(alarm: AlarmRecord, kind: str) -> bool:
     return not flutters or alarm.count & (alarm.count - 1) == 0
 
 
-def _save(session: Session, batch: list[tuple[AlarmRecord, str, datetime]]) -> None:
-    newest = {alarm.id: alarm for alarm, _, _ in batch}
+def _data(kept: _Kept) -> dict[str, str | None]:
+    alarm = kept.alarm
+    if kept.kind == "alarm.assigned":
+        return {"alarm": alarm.id, "by": alarm.assigned_by, "to": alarm.assigned_to}
+    return {"alarm": alarm.id, "by": alarm.acknowledged_by}
+
+
+def _save(session: Session, batch: list[_Kept]) -> None:
+    newest = {kept.alarm.id: kept.alarm for kept in batch}
     query.save_alarms(session, list(newest.values()))
-    for alarm, kind, at in batch:
-        if _is_logged(alarm, kind):
+    for kept in batch:
+        alarm = kept.alarm
+        if _is_logged(alarm, kept.kind):
             add_event(
                 session,
-                at,
-                kind,
-                _sentence(alarm, kind),
-                level=alarm.level if kind in _STANDS else "info",
+                kept.at,
+                kept.kind,
+                _sentence(kept),
+                level=alarm.level if kept.kind in _STANDS else "info",
                 robot=alarm.robot,
-                data={"alarm": alarm.id, "by": alarm.acknowledged_by},
+                data=_data(kept),
             )

@@ -9,15 +9,14 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from db.query.fleet.leases import LeaseRecord, get_lease, list_leases
-from db.query.station import grants
-from db.query.station.people import find_person, find_token
+from db.query.station.people import find_token
 from robot_link.clock import SystemClock, monotonic_s
 from robot_link.lease_config import LeaseConfig
-from server.access.caller import Caller
+from server.access.caller import Caller, may_pilot
 from server.access.dependency import tell_taken
 from server.access.guard import RobotAsk
 from server.access.presence import Presence, PresenceChanged, Who
-from server.access.role import Right, Rights
+from server.access.role import Right
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
@@ -301,7 +300,7 @@ class Leases:
 
         def step(session: Session, before: LeaseRecord) -> None:
             self._only_holder(before, holder)
-            if not _may_pilot(session, to, robot):
+            if not may_pilot(session, to, robot):
                 text = f"it must be the name of a person who may pilot {robot}"
                 raise unprocessable("1 field is wrong.", [FieldError(loc=["to"], msg=text)])
             if to == holder.name:
@@ -441,7 +440,7 @@ class Leases:
         """Tell whether nobody need wait for who is in charge: silent, or may pilot no more."""
         if lease.holder is None or self.silent_s(lease) >= limits.silent_s:
             return True
-        return lease.holder_kind == "person" and not _may_pilot(
+        return lease.holder_kind == "person" and not may_pilot(
             session, lease.holder, robot=lease.robot
         )
 
@@ -512,16 +511,6 @@ def _acts_under(lease: LeaseRecord, holder: Holder) -> bool:
 def _yields(lease: LeaseRecord, holder: Holder) -> bool:
     """Tell whether another ground station holds a lease, from which a person takes it back."""
     return lease.holder_kind == "station" and holder.kind == "person"
-
-
-def _may_pilot(session: Session, name: str, robot: str) -> bool:
-    """Tell whether a person may pilot a robot, by their role or by a grant."""
-    person = find_person(session, name)
-    if person is None or person.disabled_at is not None:
-        return False
-    whose = grants.Holder(person=person.key)
-    rights = Rights.of(person.role, grants.robot_roles(session, [whose])[whose])
-    return rights.may(Right.PILOT, robot)
 
 
 def _must_ask(lease: LeaseRecord, holder: Holder, *, overrules: bool) -> str:

@@ -38,6 +38,8 @@ class OpenAlarmView(View):
     text: str
     raised_at: datetime
     acknowledged_by: str | None
+    assigned_to: str | None
+    """Who looks after it; ``null`` too on a page that was signed before pages told of it."""
     is_normal_again: bool
 
 
@@ -136,6 +138,7 @@ async def standing(foundation: Foundation) -> StandView:
             one.text,
             one.raised_at,
             one.acknowledged_by,
+            one.assigned_to,
             one.cleared_at is not None,
         )
         for one in foundation.alarms.open

@@ -150,7 +150,9 @@ def seen_of(previous: str, entries: list[EntryView], standing: StandView) -> str
     told = {
         "previous": previous,
         "entries": [(one.id, one.newest.number) for one in entries],
-        "alarms": [(one.id, one.level, one.is_normal_again) for one in standing.alarms],
+        "alarms": [
+            (one.id, one.level, one.assigned_to, one.is_normal_again) for one in standing.alarms
+        ],
         "overdue": [(one.robot, one.kind) for one in standing.overdue],
         "checklists": [
             (one.id, [item.key for item in one.items if item.is_manual])
@@ -177,7 +179,8 @@ def standing_of(page: ShiftPage) -> dict[str, Any]:
         for one in told["robots"]
         if one["is_overdue"]
     ]
-    return {"checklists": None, "overdue": late, **told}
+    alarms = [{"assigned_to": None, **one} for one in told["alarms"]]
+    return {"checklists": None, "overdue": late, **told, "alarms": alarms}
 
 
 def page_brief(page: ShiftPage) -> PageBriefView:

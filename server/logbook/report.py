@@ -139,7 +139,11 @@ def _page(page: ShiftPage) -> str:
     if page.taken_by is not None and page.taken_at is not None:
         taken = f"taken over by <b>{escape(page.taken_by)}</b>, {_moment(page.taken_at)}"
     document, standing = page.document, standing_of(page)
-    alarms = [f"{one['level']}: {one['text']}" for one in standing["alarms"]]
+    alarms = [
+        f"{one['level']}: {one['text']}"
+        + (f" ({one['assigned_to']} looks after it)" if one["assigned_to"] else "")
+        for one in standing["alarms"]
+    ]
     plans = [f"{one['id']} of {one['robot']}: {one['standing']}" for one in standing["plans"]]
     late = [str(one["text"]) for one in standing["overdue"]]
     lists = [

@@ -44,6 +44,7 @@ _TEST_TEXT = "Somebody asked for this test. If you can read it, this contact wor
 
 
 REPEATED: Final = "This may be a repetition: the answer to an earlier attempt is not known."
+_OVER: Final = "All of it was seen, or given to somebody else, meanwhile."
 _STOPPED: Final = "The station stopped before the answer came."
 
 
@@ -221,7 +222,7 @@ class Deliveries:
         if notice.state != "queued":
             return None
         if standing.is_over:
-            return _Outcome(NoticeEvidence.SEEN, "Somebody has seen all of it meanwhile.")
+            return _Outcome(NoticeEvidence.SEEN, _OVER)
         if person is None or not any(one.id == notice.contact for one in person.contacts):
             return _Outcome(NoticeEvidence.HOPELESS, "There is no such contact any more.")
         rights = rights_of(person)

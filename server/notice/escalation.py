@@ -4,6 +4,10 @@ A case is opened when an alarm is to be seen and ends when somebody has seen it,
 While it is open, its escalation goes on: first everyone who wants to hear of it, then each step of
 the settings. A cause that comes and goes unseen is one case: it is told again at most once in
 ``TELL_AGAIN``, and its escalation goes on where it was. One that gets worse begins anew.
+
+That a person is asked to look after an alarm is a case of that person alone: told once, whatever
+topics they chose, but within their hours. It ends when somebody else looks after it, or it is
+closed.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -14,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from db.notice_tables import NoticeCase
 from db.query.station import notices as query
-from db.query.station.alarms import AlarmRecord
+from db.query.station.alarms import AlarmRecord, get_alarm
 from db.query.station.events import EventRecord
 from db.query.station.notices import Reachable
 from server.access.role import Rights
@@ -30,8 +34,9 @@ EVENT_TOPICS: Final[dict[str, Topic]] = {
     "robot.surfaced": "surfaced",
     "plan.done": "plan",
     "plan.failed": "plan",
+    "alarm.assigned": "assigned",
 }
-"""Events that people may want to be told of."""
+"""Events that people are told of: who wants it, or whom alone it is about."""
 _CONTACT: Final = frozenset({"silence", "overdue", "contact", "system", "port"})
 _STATION: Final = frozenset({"satellite", "clock"})
 """First words of causes that are about more than the robot."""
@@ -65,11 +70,18 @@ def take_alarms(session: Session, alarms: Mapping[str, AlarmRecord], now: dateti
         if row is None:
             is_grave = alarm.level == "critical"  # told even if it was normal before it could be
             if is_to_be_seen(alarm) and (alarm.cleared_at is None or is_grave):
-                session.add(_case(alarm, now))
+                session.add(_alarm_case(alarm, now))
         elif is_to_be_seen(alarm):
             _change(row, alarm, now)
         else:
             query.end_case(session, row, now)
+    for row in query.open_assignments(session, alarms.keys()):
+        if not _is_theirs(alarms[row.alarm or ""], row.person):
+            query.end_case(session, row, now)
+
+
+def _is_theirs(alarm: AlarmRecord, person: str | None) -> bool:
+    return alarm.assigned_to == person and alarm.state != "closed"
 
 
 def _change(row: NoticeCase, alarm: AlarmRecord, now: datetime) -> None:
@@ -95,19 +107,47 @@ def take_event(session: Session, event: EventRecord, now: datetime) -> None:
     """Open the case of an event; twice is once."""
     if query.has_case_of(session, event.cursor):
         return
+    if event.kind == "alarm.assigned":
+        _take_assignment(session, event, now)
+        return
     session.add(
-        NoticeCase(
+        _case(
             topic=EVENT_TOPICS[event.kind],
             level=event.level,
             robot=event.robot,
             text=event.text,
-            alarm=None,
             raised_at=event.at,
             cursor=event.cursor,
-            step=-1,
-            told_at=None,
-            next_at=now,
-            ended_at=None,
+            now=now,
+        )
+    )
+
+
+def _take_assignment(session: Session, event: EventRecord, now: datetime) -> None:
+    """Tell who is to look after an alarm, unless they said so themselves or it is over by now.
+
+    What was to be told of an earlier assignment of the alarm is over with it.
+    """
+    person = event.data["to"]
+    is_own = event.by_kind == "person" and event.by == person
+    alarm = get_alarm(session, event.data["alarm"])
+    session.flush()
+    for row in query.open_assignments(session, [alarm.id]):
+        if row.cursor is not None and row.cursor < event.cursor:
+            query.end_case(session, row, now)
+    if person is None or is_own or not _is_theirs(alarm, person):
+        return
+    session.add(
+        _case(
+            topic=EVENT_TOPICS[event.kind],
+            level=alarm.level,
+            robot=alarm.robot,
+            text=event.text,
+            raised_at=alarm.raised_at,
+            cursor=event.cursor,
+            alarm=alarm.id,
+            person=person,
+            now=now,
         )
     )
 
@@ -147,7 +187,8 @@ def _advance_one(
     settings: NoticeSettings,
     now: datetime,
 ) -> None:
-    escalates = row.alarm is not None and rank(row.level) >= rank(settings.escalate_from)
+    is_for_all = row.alarm is not None and row.person is None
+    escalates = is_for_all and rank(row.level) >= rank(settings.escalate_from)
     steps = settings.steps if escalates else []
     while True:
         row.step += 1
@@ -191,7 +232,12 @@ def _tell(
     items: list[tuple[str, datetime]] = []
     is_told = False
     for person, wishes in people:
-        chosen = person.name in called if called is not None else wishes.wants(row.topic, row.level)
+        if row.person is not None:
+            chosen = person.name == row.person
+        else:
+            chosen = (
+                person.name in called if called is not None else wishes.wants(row.topic, row.level)
+            )
         contacts = [contact.id for contact in person.contacts if contact.enabled]
         if not chosen or not contacts or not rights_of(person).sees(row.robot):
             continue
@@ -204,15 +250,40 @@ def _tell(
     return is_told
 
 
-def _case(alarm: AlarmRecord, now: datetime) -> NoticeCase:
-    return NoticeCase(
+def _alarm_case(alarm: AlarmRecord, now: datetime) -> NoticeCase:
+    return _case(
         topic=topic_of(alarm),
         level=alarm.level,
         robot=alarm.robot,
         text=alarm.text,
-        alarm=alarm.id,
         raised_at=alarm.raised_at,
-        cursor=None,
+        alarm=alarm.id,
+        now=now,
+    )
+
+
+def _case(
+    *,
+    topic: Topic,
+    level: str,
+    robot: str | None,
+    text: str,
+    raised_at: datetime,
+    now: datetime,
+    alarm: str | None = None,
+    person: str | None = None,
+    cursor: int | None = None,
+) -> NoticeCase:
+    """Return a case of which nobody was told yet; of one person alone where they are given."""
+    return NoticeCase(
+        topic=topic,
+        level=level,
+        robot=robot,
+        text=text,
+        alarm=alarm,
+        person=person,
+        raised_at=raised_at,
+        cursor=cursor,
         step=-1,
         told_at=None,
         next_at=now,

@@ -8,13 +8,13 @@ from server.access.subject import Subjects
 from server.base.event_bus import AlarmChanged, EventLogged
 from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
-from server.notice import link_route, route
+from server.notice import assignee_route, link_route, route
 from server.notice.heartbeat import Heartbeat
 from server.notice.message import Place
 from server.notice.outbox import Notices
 from server.notice.sender import Sender
 
-ROUTERS = (route.router, link_route.router)
+ROUTERS = (route.router, assignee_route.router, link_route.router)
 _OF_ONESELF = (
     ("GET", "/api/notices"),
     ("GET", "/api/notices/station"),

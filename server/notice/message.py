@@ -11,7 +11,7 @@ from db.query.station.notices import ItemRecord
 TITLE_LENGTH_MAX: Final = 120
 _SIXTY: Final = 60
 _MINUTES, _SECONDS = "\N{PRIME}", "\N{DOUBLE PRIME}"
-_TOPICS: Final = {"surfaced": "Surfaced", "plan": "Plan", "test": "Test"}
+_TOPICS: Final = {"surfaced": "Surfaced", "plan": "Plan", "assigned": "Assigned", "test": "Test"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,7 +122,8 @@ class NoticeView(View):
     """How many alarms or events it tells of."""
     state: Annotated[str, one_of("queued", "handed", "given_up", "withdrawn")]
     """``queued``; ``handed``: a service took it, which is no proof that anybody read it;
-    ``given_up``; ``withdrawn``: all of it was seen before a service took it."""
+    ``given_up``; ``withdrawn``: all of it was seen, or given to somebody else,
+    before a service took it."""
     attempts: int
     unanswered: int
     """Attempts of which no answer is known: the service may have it of each of them as well."""

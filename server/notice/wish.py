@@ -17,8 +17,8 @@ from server.base.alarm_board import LEVELS
 from server.base.view import Body, one_of
 
 AlarmTopic = Literal["alarm", "contact", "battery", "station"]
-EventTopic = Literal["surfaced", "plan"]
-Topic = Literal["alarm", "contact", "battery", "station", "surfaced", "plan", "test"]
+EventTopic = Literal["surfaced", "plan", "assigned"]
+Topic = Literal["alarm", "contact", "battery", "station", "surfaced", "plan", "assigned", "test"]
 Level = Annotated[str, one_of(*LEVELS, "none")]
 _EVERY_DAY: Final = tuple(range(7))
 _CLOCK: Final = r"^([01]\d|2[0-3]):[0-5]\d$"

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from db.deployment_span import Period
 from db.identity import key_of, public_id
+from db.query.change import row_of
 from db.query.fleet.robots import robot_key
 from db.record import same, values
 from db.tables import Alarm, Robot
@@ -45,6 +46,9 @@ class AlarmRecord:
     """The newest note; the earlier ones are events."""
     noted_by: str | None = None
     assigned_to: str | None = None
+    """Who looks after it."""
+    assigned_by: str | None = None
+    """Who said so last, also that nobody does any more."""
     shelved_until: datetime | None = None
     shelved_by: str | None = None
 
@@ -90,6 +94,17 @@ def closed_alarms(
     """Return the last closed alarms, of these robots where they are given, the newest first."""
     of_them = () if robots is None else (Robot.id.in_(robots),)
     return _newest(session, limit, Alarm.state == "closed", *of_them)
+
+
+def get_alarm(session: Session, alarm: str) -> AlarmRecord:
+    """Return an alarm, open or closed.
+
+    Raises:
+        UnknownIdError: If there is none.
+    """
+    row = row_of(session, Alarm, "alarm", alarm)
+    robot = session.scalar(select(Robot.id).where(Robot.key == row.robot_key))
+    return _record(row, robot)
 
 
 def alarms_of(session: Session, robot: str, period: Period, limit: int) -> list[AlarmRecord]:

@@ -213,11 +213,14 @@ def remove_contact(session: Session, contact: str, at: datetime) -> ContactRecor
 
 
 def open_cases(session: Session, alarms: Collection[str]) -> dict[str, NoticeCase]:
-    """Return the open cases of these alarms, by alarm."""
-    found = session.scalars(
-        select(NoticeCase).where(NoticeCase.alarm.in_(alarms), NoticeCase.ended_at.is_(None))
-    )
+    """Return the open cases that tell everyone of these alarms, by alarm."""
+    found = session.scalars(_open_of(alarms).where(NoticeCase.person.is_(None)))
     return {row.alarm: row for row in found if row.alarm is not None}
+
+
+def open_assignments(session: Session, alarms: Collection[str]) -> list[NoticeCase]:
+    """Return the open cases that tell one person that they are to look after these alarms."""
+    return list(session.scalars(_open_of(alarms).where(NoticeCase.person.is_not(None))))
 
 
 def open_alarm_cases(session: Session) -> list[NoticeCase]:
@@ -477,6 +480,10 @@ def level_counts(session: Session, notice: str) -> Sequence[tuple[str, int]]:
         .order_by(_rank().desc())
     )
     return [(level, count) for level, count in session.execute(statement)]
+
+
+def _open_of(alarms: Collection[str]) -> Any:  # noqa: ANN401 - a statement of SQL
+    return select(NoticeCase).where(NoticeCase.alarm.in_(alarms), NoticeCase.ended_at.is_(None))
 
 
 def _rank() -> Any:  # noqa: ANN401 - an expression of SQL

@@ -94,6 +94,7 @@ DRAFTS = {
     ("POST", "/api/logbook/shifts"),
     ("POST", "/api/logbook/shifts/end"),
     ("GET", "/api/notices"),
+    ("GET", "/api/notices/assignees/{alarm}"),
     ("DELETE", "/api/notices/contacts/{contact}"),
     ("PATCH", "/api/notices/contacts/{contact}"),
     ("POST", "/api/notices/contacts/{contact}/test"),

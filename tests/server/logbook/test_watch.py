@@ -297,6 +297,24 @@ async def test_a_hand_over_tells_open_checklists_what_is_overdue_and_asks_to_loo
     assert "A hook or a line is at hand" in html
 
 
+async def test_a_hand_over_tells_who_looks_after_an_alarm(ann, station):
+    board = station.foundation.alarms
+    leak = await board.raise_("leak", "mini-1 leaks.", level="critical", robot=MINI)
+    told = await seen(ann)
+    await board.assign(leak.id, "ann", "ben", "You know this pump.")
+    again = await ann.post("/api/logbook/pages", json={"seen": told["seen"], "weather": CALM})
+    assert (again.status_code, "look again" in again.json()["detail"]) == (409, True)
+    page = await signed(ann)
+    (alarm,) = page["content"]["standing"]["alarms"]
+    assert alarm["assigned_to"] == "ben"
+    assert "ben looks after it" in (await ann.get("/api/logbook/report")).text
+    kept = await station.foundation.store.query(lambda session: get_page(session, page["id"]))
+    document = kept.document
+    del document["standing"]["alarms"][0]["assigned_to"]  # as pages were before
+    earlier = page_view(replace(kept, content=json.dumps(document)))
+    assert earlier.content.standing.alarms[0].assigned_to is None
+
+
 async def test_a_page_signed_before_pages_told_of_checklists_is_read_as_it_was(ann, station):
     page = await signed(ann)
     kept = await station.foundation.store.query(lambda session: get_page(session, page["id"]))

@@ -4,6 +4,7 @@ import type { components, paths } from './generated/station';
 import type { Alarm, JsonObject } from './types';
 
 type Schemas = components['schemas'];
+export type Assignee = Schemas['AssigneeView'];
 export type AlarmRuleEntry = Schemas['AlarmRuleView'];
 export type AlarmRule = Schemas['AlarmRule'];
 export type Watched = Schemas['WatchedView'];
@@ -36,8 +37,14 @@ export class AlarmApi {
     done(this.#http.POST('/api/alarms/{alarm}/unshelve', of({ alarm })));
   note = (alarm: string, note: string) =>
     done(this.#http.POST('/api/alarms/{alarm}/note', { ...of({ alarm }), body: { note } }));
-  assign = (alarm: string, person: string | null) =>
-    done(this.#http.POST('/api/alarms/{alarm}/assign', { ...of({ alarm }), body: { person } }));
+  /** Have a person look after an alarm, who gets a notice of it; null: nobody any more. */
+  assign = (alarm: string, person: string | null, note = '') =>
+    done(
+      this.#http.POST('/api/alarms/{alarm}/assign', { ...of({ alarm }), body: { person, note } }),
+    );
+  /** Who may look after an alarm, and when a notice would leave to them. */
+  assignees = (alarm: string) =>
+    told(this.#http.GET('/api/notices/assignees/{alarm}', of({ alarm })));
 
   rules = () => told(this.#http.GET('/api/alarm-rules'));
   /** JSON Schema of a rule. */
