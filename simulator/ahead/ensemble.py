@@ -4,7 +4,9 @@ Each flight meets another robot, other water and other noise, drawn from the pro
 fly in threads, for the kernel holds no lock, and as coarsely as the physics allows: a step of the
 program in 0.2 s in place of 0.1 s, two Runge-Kutta steps of the body in it, as long as contact
 with floor and walls allows, and a filter that carries its covariance by linear steps. Such flights
-scatter as exact ones do; a single one is not the same as the exact one.
+scatter as exact ones do; a single one is not the same as the exact one. They draw less from the
+battery: over drawn missions in the lake some 7 % less where the robot glides, a third less in slow
+dives in place, where noise of the readings keeps the actuators moving.
 """
 
 import math

@@ -150,11 +150,16 @@ def test_coarse_flights_scatter_as_exact_ones_do(water):
     assert np.linalg.norm(ends[0].mean(axis=0) - ends[1].mean(axis=0)) < 4.0 * known, SEED
     assert 0.55 < std[0] / std[1] < 1.8, SEED
     stated = [np.mean([one.rows[:, ROW_STD].mean() for one in kind]) for kind in (coarse, exact)]
-    assert stated[0] == pytest.approx(stated[1], rel=0.2)
+    assert stated[0] == pytest.approx(stated[1], rel=0.2), SEED
     took_s = [np.mean([one.duration_s for one in kind]) for kind in (coarse, exact)]
-    assert took_s[0] == pytest.approx(took_s[1], rel=0.1)
-    used = [1.0 - np.mean([one.battery for one in kind]) for kind in (coarse, exact)]
-    assert used[0] == pytest.approx(used[1], rel=0.15)
+    assert took_s[0] == pytest.approx(took_s[1], rel=0.1), SEED
+    # flights of one number meet the same robot and water, so their differences tell how well the
+    # mean of them is known; what noise alone moves goes 1/sqrt(2) of its way when it is set half as
+    # often, so that a coarse flight draws less, by 29 % if nothing but noise moved anything
+    used = [1.0 - np.array([one.battery for one in kind]) for kind in (coarse, exact)]
+    off = (used[0] - used[1]) / used[1].mean()  # (40,)
+    known = off.std(ddof=1) / len(off) ** 0.5
+    assert 0.5**0.5 - 1.0 - 4.0 * known < off.mean() < 0.05 + 4.0 * known, SEED
 
 
 def test_no_coarse_flight_loses_its_filter():
