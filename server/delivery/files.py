@@ -26,8 +26,8 @@ from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, conflict, unprocessable
 from server.base.study import worked_out
 from server.delivery import file_task
+from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
-from server.delivery.og1_file import FileOrder
 from server.delivery.quality import wanted_of
 
 JOB = "file"

@@ -5,9 +5,8 @@ checkers disagree: lower-case attributes, ``coordinates`` with blanks, dates wit
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,22 +20,19 @@ from autonomy.field.fidelity import fidelity_level
 from autonomy.frames import wgs84_from_ned
 from autonomy.quality import phase as phases
 from autonomy.quality.flag import OG1_FILL, FlagArray
-from db.query.fleet.robots import RobotRecord
 from db.query.measured.merged_rows import RowBlock
-from db.query.measured.quality import ManualFlag
-from robot_link.delivery_config import DeliveryMetadata
 from robot_link.messages import RobotMode
+from server.delivery.file_order import FileOrder
 from server.delivery.judged import (
     DEPTH,
     POSITION,
     IsCancelled,
     Judged,
     Report,
-    Wanted,
     blocks_of,
 )
 from server.delivery.og1_channel import FileVariable, file_variable, vocabulary
-from server.delivery.og1_header import write_header
+from server.delivery.og1_header import Extent, write_header
 
 DIMENSION: Final = "N_MEASUREMENTS"
 CHUNK_ROWS: Final = 65_536
@@ -56,57 +52,6 @@ _STATE_VARIABLES: Final = (
     ("tail_rad", "TAIL_ANGLE", "degree", None, "angle of the tail", 180.0 / np.pi),
     ("battery_v", "BATTERY_VOLTAGE", "V", None, "voltage of the battery", 1.0),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class FileOrder:
-    """What is to be written."""
-
-    wanted: Wanted
-    robot: RobotRecord
-    channels: Mapping[str, Channel]
-    """Those of the rows, as the station has them."""
-    metadata: DeliveryMetadata
-    thresholds_m: tuple[float, ...]
-    """Of the fidelity levels."""
-    manual: Sequence[ManualFlag]
-    mode: str
-    """R from telemetry, P recovered and not reviewed, D reviewed."""
-    signed_by: str
-    """Who reviewed the data; empty before."""
-    written_at: datetime
-    software: str
-    """Name and version of what writes."""
-    folder: Path
-    earlier: str = ""
-    """History of the file that was written before, a line for each writing."""
-
-    @property
-    def history(self) -> str:
-        """What was done to the data, a line for each writing, the newest last."""
-        signed = f", signed by {self.signed_by}" if self.signed_by else ""
-        line = (
-            f"{self.written_at:%Y-%m-%dT%H:%M:%SZ} {self.software} wrote mode {self.mode}"
-            f" of {self.wanted.deployment.id}{signed}"
-        )
-        return "\n".join(filter(None, (self.earlier, line)))
-
-    @property
-    def is_simulated(self) -> bool:
-        """Whether the robot exists in a simulator only."""
-        return self.robot.simulated
-
-    @property
-    def serial(self) -> str:
-        """Serial number of the platform, marked where it does not exist."""
-        mark = "SIMULATION_" if self.is_simulated else ""
-        return mark + (self.metadata.platform_serial_number or self.robot.id)
-
-    @property
-    def identity(self) -> str:
-        """Global ``id``, and the file's name without its ending."""
-        begun = self.wanted.deployment.begun_at
-        return f"{self.serial}_{begun:%Y%m%dT%H%M%S}_{self.mode}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,33 +95,6 @@ def write_file(
     return Written(path, offset, source, raised)
 
 
-@dataclass(slots=True)
-class Extent:
-    """What the rows cover."""
-
-    first_fix: tuple[float, float, float] | None = None
-    """Time of the first fix, its latitude and longitude."""
-    low: FloatArray | None = None
-    """Least latitude, longitude and depth."""
-    high: FloatArray | None = None
-    first_s: float | None = None
-    last_s: float | None = None
-
-    def take(self, times_s: FloatArray, places: FloatArray, has_fix: np.ndarray) -> None:
-        """Widen it by rows: times, and latitude, longitude and depth."""
-        self.first_s = float(times_s[0]) if self.first_s is None else self.first_s
-        self.last_s = float(times_s[-1])
-        fixes = np.flatnonzero(has_fix & np.isfinite(places[:, 0]))
-        if self.first_fix is None and fixes.size:
-            row = fixes[0]
-            self.first_fix = (float(times_s[row]), float(places[row, 0]), float(places[row, 1]))
-        known = places[np.isfinite(places).all(axis=1)]
-        if len(known):
-            low, high = known.min(axis=0), known.max(axis=0)
-            self.low = low if self.low is None else np.minimum(low, self.low)
-            self.high = high if self.high is None else np.maximum(high, self.high)
-
-
 class _Layout:
     """The variables of one file that have a value for each row."""
 
@@ -201,7 +119,7 @@ class _Layout:
         rows = slice(offset, offset + len(block))
         site = self._order.wanted.deployment.site
         places = np.full((len(block), 3), np.nan)
-        known = np.isfinite(block.position_ned[:, :2]).all(axis=1)
+        known = np.all(np.isfinite(block.position_ned[:, :2]), axis=1)
         places[known, :2] = wgs84_from_ned(
             block.position_ned[known, :2], site.origin_latitude_deg, site.origin_longitude_deg
         )

@@ -1,14 +1,14 @@
 """Scalars and global attributes of a file of OG1.0: who, where, when, by what rules."""
 
+from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from db.column import moment
-
-if TYPE_CHECKING:
-    from server.delivery.og1_file import Extent, FileOrder
+from server.delivery.file_order import FileOrder
 
 COMPACT_TIME: Final = "%Y%m%dT%H%M%S"
 SIMULATED: Final = "SIMULATION: this robot does not exist."
@@ -16,7 +16,34 @@ _NOTHING: Final = "n/a"
 _ROLES: Final = "http://vocab.nerc.ac.uk/collection/W08/current/"
 
 
-def write_header(file: Any, order: "FileOrder", extent: "Extent", source_sha256: str) -> None:  # noqa: ANN401 - netCDF4 has no types
+@dataclass(slots=True)
+class Extent:
+    """What the rows cover."""
+
+    first_fix: tuple[float, float, float] | None = None
+    """Time of the first fix, its latitude and longitude."""
+    low: FloatArray | None = None
+    """Least latitude, longitude and depth."""
+    high: FloatArray | None = None
+    first_s: float | None = None
+    last_s: float | None = None
+
+    def take(self, times_s: FloatArray, places: FloatArray, has_fix: np.ndarray) -> None:
+        """Widen it by rows: times, and latitude, longitude and depth."""
+        self.first_s = float(times_s[0]) if self.first_s is None else self.first_s
+        self.last_s = float(times_s[-1])
+        fixes = np.flatnonzero(has_fix & np.isfinite(places[:, 0]))
+        if self.first_fix is None and fixes.size:
+            row = fixes[0]
+            self.first_fix = (float(times_s[row]), float(places[row, 0]), float(places[row, 1]))
+        known = places[np.isfinite(places).all(axis=1)]
+        if len(known):
+            low, high = known.min(axis=0), known.max(axis=0)
+            self.low = low if self.low is None else np.minimum(low, self.low)
+            self.high = high if self.high is None else np.maximum(high, self.high)
+
+
+def write_header(file: Any, order: FileOrder, extent: Extent, source_sha256: str) -> None:  # noqa: ANN401 - netCDF4 has no types
     """Write everything that a file says once."""
     _write_scalars(file, order, extent)
     file.setncatts(
@@ -33,7 +60,7 @@ def write_header(file: Any, order: "FileOrder", extent: "Extent", source_sha256:
     )
 
 
-def _write_scalars(file: Any, order: "FileOrder", extent: "Extent") -> None:  # noqa: ANN401 - netCDF4 has no types
+def _write_scalars(file: Any, order: FileOrder, extent: Extent) -> None:  # noqa: ANN401 - netCDF4 has no types
     said, deployment = order.metadata, order.wanted.deployment
     texts = {
         "TRAJECTORY": (order.identity, "name of the trajectory", {"cf_role": "trajectory_id"}),
@@ -100,12 +127,12 @@ def _write_scalars(file: Any, order: "FileOrder", extent: "Extent") -> None:  # 
         variable.setncatts(attributes)
 
 
-def _telecom(order: "FileOrder") -> str:
+def _telecom(order: FileOrder) -> str:
     kinds = sorted({link.partition(":")[0] for link in order.robot.links})
     return ", ".join(kinds) or _NOTHING
 
 
-def _identity(order: "FileOrder") -> dict[str, Any]:
+def _identity(order: FileOrder) -> dict[str, Any]:
     said, deployment = order.metadata, order.wanted.deployment
     mark = f"{SIMULATED} " if order.is_simulated else ""
     title = said.title.strip() or "OceanGliders trajectory file"
@@ -134,7 +161,7 @@ def _identity(order: "FileOrder") -> dict[str, Any]:
     }
 
 
-def _people(order: "FileOrder") -> dict[str, Any]:
+def _people(order: FileOrder) -> dict[str, Any]:
     people, institutions = order.metadata.contributors(), order.metadata.institutions()
     return {
         "contributor_name": ", ".join(person.name for person, _ in people),
@@ -147,7 +174,7 @@ def _people(order: "FileOrder") -> dict[str, Any]:
     }
 
 
-def _coverage(order: "FileOrder", extent: "Extent") -> dict[str, Any]:
+def _coverage(order: FileOrder, extent: Extent) -> dict[str, Any]:
     found: dict[str, Any] = {"start_date": order.wanted.deployment.begun_at.strftime(COMPACT_TIME)}
     if extent.first_s is not None and extent.last_s is not None:
         first, last = (
@@ -166,7 +193,7 @@ def _coverage(order: "FileOrder", extent: "Extent") -> dict[str, Any]:
     return found
 
 
-def _processing(order: "FileOrder", source_sha256: str) -> dict[str, Any]:
+def _processing(order: FileOrder, source_sha256: str) -> dict[str, Any]:
     rules, at = order.wanted.rules, order.written_at
     return {
         "rtqc_method": f"IOOS QARTOD, rule set {rules.name} {rules.version}",

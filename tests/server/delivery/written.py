@@ -13,8 +13,8 @@ from db.query.fleet.robots import get_robot
 from db.store import Store
 from robot_link.delivery_config import Contributor, DeliveryMetadata
 from robot_link.messages import RobotMode
+from server.delivery.file_order import FileOrder
 from server.delivery.judged import Wanted
-from server.delivery.og1_file import FileOrder
 from server.delivery.quality import channels_of
 from tests.db.conftest import START, report, sample
 
