@@ -83,7 +83,7 @@ class Leases:
     def take_settings(self, event: SettingsChanged) -> None:
         """Take that other limits hold."""
         if event.kind == "lease":
-            self._limits.clear()
+            self._limits = {}
             for robot in self._leases:
                 self._tell(robot)
 
@@ -108,10 +108,11 @@ class Leases:
 
     async def limits(self, robot: str) -> LeaseConfig:
         """Return after how long others need not wait for who is in charge of a robot."""
-        if robot not in self._limits:
+        limits = self._limits  # what was read before a change is not kept as of after it
+        if robot not in limits:
             found = await self._configurations.current("lease", robot)
-            self._limits[robot] = found.value_as(LeaseConfig)
-        return self._limits[robot]
+            limits[robot] = found.value_as(LeaseConfig)
+        return limits[robot]
 
     async def holder(self, caller: Caller) -> Holder:
         """Return as whom a caller can be in charge."""

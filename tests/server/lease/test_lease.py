@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from server.access.role import Role
+from server.base.configuration import CurrentConfiguration
 from server.lease.leases import Leases
 from tests.server.conftest import GRACE, MINI, until
 from tests.server.lease.conftest import act, lease_of, let_pilot
@@ -267,3 +268,20 @@ async def test_a_robot_is_handed_to_nobody_who_pilots_others_alone(station: Open
     assert f"may pilot {MINI}" in refused.text
     await let_pilot(station, "ben", MINI)
     assert (await act(ann, "hand_over", to="ben")).json()["holder"] == "ben"
+
+
+async def test_limits_that_were_read_before_they_changed_are_not_kept(
+    station: OpenStation, monkeypatch: pytest.MonkeyPatch
+):
+    leases, book = station.foundation.services.get(Leases), station.foundation.configurations
+    read = book.current
+
+    async def slowly(kind: str, robot: str | None) -> CurrentConfiguration:
+        found = await read(kind, robot)
+        monkeypatch.setattr(book, "current", read)
+        await book.patch("lease", MINI, {"silent_s": 77.0}, by="ann")
+        return found
+
+    monkeypatch.setattr(book, "current", slowly)
+    assert (await leases.limits(MINI)).silent_s != 77.0
+    assert (await leases.limits(MINI)).silent_s == 77.0
