@@ -5,6 +5,7 @@ other. That a service took a message is no proof that anybody read it.
 """
 
 import asyncio
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -13,6 +14,7 @@ from typing import Final
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
+from db.fault import StoreUnavailableError
 from db.identity import public_id
 from db.query.station import notices as query
 from db.query.station.notices import ItemRecord, NoticeRecord, Reachable
@@ -29,6 +31,7 @@ from server.notice.message import page_of
 from server.notice.sender import Message, Reply, Sender
 from server.notice.state import NoticeEvidence
 
+log = logging.getLogger(__name__)
 BACK_OFF_S: Final = (5.0, 15.0, 60.0, 300.0, 900.0, 1800.0)
 """Between two attempts at a contact; the last for all that follow."""
 LIFE: Final = timedelta(hours=24)
@@ -199,6 +202,9 @@ class Deliveries:
             if outcome is not None:
                 await until_stored("a notice", lambda: self._settle(notice.id, outcome))
                 await self._tell_of_health()
+        except StoreUnavailableError as error:
+            log.warning("%s waits for the storage: %s", notice.id, error)
+            health.not_before_s = monotonic_s() + BACK_OFF_S[0]
         finally:
             health.is_busy = False
             self._on_free()

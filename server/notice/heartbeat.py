@@ -5,6 +5,7 @@ does not answer is an alarm of this station; that it heard nothing is one of the
 """
 
 import asyncio
+import contextlib
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -13,10 +14,11 @@ from urllib.parse import urlsplit
 import httpx
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from db.fault import StoreUnavailableError
 from robot_link.clock import set_or_after
 from server.base.foundation import Foundation
 from server.base.secret import SecretUnreadableError, secret_fault
-from server.notice.settings import read_settings
+from server.notice.settings import NoticeSettings, read_settings
 
 CAUSE: Final = "heartbeat"
 HEARTBEAT: Final = "heartbeat"
@@ -78,13 +80,14 @@ class Heartbeat:
         self._changed.set()
 
     async def run(self) -> None:
-        """Send one every period while there is an address."""
+        """Send one every period while there is an address, though the database cannot be read."""
+        settings = NoticeSettings()
         while True:
             self._changed.clear()
-            period_s = (
-                await self._foundation.store.query(read_settings)
-            ).heartbeat_minutes * _MINUTE_S
+            with contextlib.suppress(StoreUnavailableError):
+                settings = await self._foundation.store.query(read_settings)
             is_watched = await self.beat() is not None
+            period_s = settings.heartbeat_minutes * _MINUTE_S
             await set_or_after(self._changed, period_s if is_watched else None)
 
     async def beat(self) -> Beat | None:

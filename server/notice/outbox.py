@@ -117,15 +117,21 @@ class Notices:
 
     async def run(self) -> None:
         """Tell people until cancelled."""
-        if any(person.contacts for person in await self._store.query(query.everybody)):
-            self.deliveries.warm_up()
+        await until_stored("notices", self._warm_up)
         while True:
             await self._wakeups.next()
             await until_stored("notices", self._plan)
             await until_stored("notices", self._dispatch)
-            now = self._clock.now()
-            due = await self._store.query(lambda session, now=now: query.next_due(session, now))
-            self._wakeups.set_due("", due)
+            await until_stored("notices", self._set_due)
+
+    async def _warm_up(self) -> None:
+        if any(person.contacts for person in await self._store.query(query.everybody)):
+            self.deliveries.warm_up()
+
+    async def _set_due(self) -> None:
+        now = self._clock.now()
+        due = await self._store.query(lambda session: query.next_due(session, now))
+        self._wakeups.set_due("", due)
 
     async def _plan(self) -> None:
         while await self._plan_some():

@@ -2,6 +2,7 @@
 
 import pytest
 
+from db.fault import StoreUnavailableError
 from server.notice import heartbeat as module
 from server.notice.heartbeat import CAUSE, Heartbeat
 from tests.server.conftest import until
@@ -29,6 +30,20 @@ async def test_a_sign_of_life_leaves_at_once_and_then_every_period(here: NoticeS
         shown = await watched_by(here, service)
         assert (shown["is_heard"], shown["reply"]) == (True, "HTTP 200 OK: thank you")
         assert shown["hint"] == "127.0.0.1"
+        await service.until_taken(3)
+
+
+async def test_a_sign_of_life_leaves_though_the_database_cannot_be_read(
+    here: NoticeStation, monkeypatch: pytest.MonkeyPatch
+):
+    async def failing(function: object) -> None:
+        raise StoreUnavailableError("The disk does not answer.")
+
+    async with web_service() as service:
+        await watched_by(here, service)
+        await service.until_taken(2)
+        monkeypatch.setattr(here.foundation.store, "query", failing)
+        beating(here).change()
         await service.until_taken(3)
 
 
