@@ -268,7 +268,8 @@ async def test_a_busy_machine_has_a_minute_for_a_rehearsal():
 
 async def test_a_real_rehearsal_ends_by_the_processor_time_that_it_took(client, monkeypatch):
     monkeypatch.setattr(dry_run, "LIMIT_S", 0.0)
-    draft = await plan_in(client, await laid_out(client), "draft")
+    # a real process, which beside a busy neighbour takes minutes to load what it flies with
+    draft = await plan_in(client, await laid_out(client), "draft", timeout_s=280.0)
     assert draft["rehearsal"]["state"] == "skipped"
     assert "0 s of work" in draft["rehearsal"]["message"]
 
