@@ -9,6 +9,8 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.quality.flag import FAIL, GOOD, MISSING, SUSPECT, UNKNOWN, FlagArray
 
+_WINDOWS_AT_ONCE = 65_536
+"""Windows whose extremes are held at a time: a series of any length takes the memory of these."""
 Span = tuple[float | None, float | None]
 """Least and greatest value, either of which may be open."""
 
@@ -89,23 +91,31 @@ def flat_line(
 def _is_flat(
     values: FloatArray, times_s: FloatArray, window_s: float, tolerance: float
 ) -> BoolArray:
-    first = np.searchsorted(times_s, times_s - window_s, side="left")
-    is_whole = times_s - times_s[:1] >= window_s
-    least, greatest = _window_extremes(values, first)
-    return is_whole & (greatest - least < tolerance)
+    found = times_s - times_s[:1] >= window_s
+    for begin in range(0, values.size, _WINDOWS_AT_ONCE):
+        windows = slice(begin, min(begin + _WINDOWS_AT_ONCE, values.size))
+        first = np.searchsorted(times_s, times_s[windows] - window_s, side="left")
+        part = values[first[0] : windows.stop]
+        least, greatest = _window_extremes(part, first - first[0])
+        found[windows] &= greatest - least < tolerance
+    return found
 
 
 def _window_extremes(values: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the greatest of ``values[first[i] : i + 1]`` for each ``i``.
+    """Return the least and the greatest of the window that ends at each of the last values.
 
     Windows are covered by two of length ``2**k``; extremes of these are doubled level by level, so
     that only one level is held at a time.
+
+    Args:
+        values: Shape ``(n,)``.
+        first: Where each window begins, ascending, shape ``(m,)``; the last one ends with
+            ``values``, the one before a value earlier, and so on.
     """
-    size = values.size
     low = np.where(np.isfinite(values), values, np.inf)
     high = np.where(np.isfinite(values), values, -np.inf)
-    least, greatest = low.copy(), high.copy()
-    last = np.arange(size)
+    least, greatest = np.empty(first.size), np.empty(first.size)
+    last = np.arange(values.size - first.size, values.size)
     # level k holds the windows of 2**k to 2**(k + 1) - 1 values
     level_of = np.frexp((last - first + 1).astype(np.float64))[1] - 1
     order = np.argsort(level_of, kind="stable")

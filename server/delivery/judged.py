@@ -60,8 +60,8 @@ class Judged:
 
     at_us: IntArray
     """Shape ``(n,)``, strictly ascending."""
-    rows: Mapping[str, IntArray]
-    """Rows that have a value, by series."""
+    told: Mapping[str, BoolArray]
+    """Whether each row has a value, by series, shape ``(n,)`` each."""
     judgements: Mapping[str, Judgement]
     left_out: int
     """Further measurements of a channel at one moment."""
@@ -75,7 +75,7 @@ class Judged:
     def og1(self, series: str, manual: Sequence[ManualFlag]) -> FlagArray:
         """Return the flags of a series as files have them, those of people before all others."""
         flags = np.full(len(self.at_us), MISSING, dtype=np.int8)
-        flags[self.rows[series]] = self.judgements[series].flags
+        flags[self.told[series]] = self.judgements[series].flags
         found = og1_flags(flags)
         for one in manual:
             if one.series == series:
@@ -97,7 +97,7 @@ class Judged:
                 ",".join(one.tests),
             )
             for series, judgement in self.judgements.items()
-            for rows in [self.rows[series]]
+            for rows in [np.flatnonzero(self.told[series])]
             for one in stretches(judgement)
         ]
 
@@ -139,53 +139,57 @@ def judged(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Judge
         columns.add(block)
         left_out += block.left_out
     at_us = columns.joined("at_us", np.int64)
-    place = columns.joined("place", np.float64, (0, 3))
-    fix, smoothed = columns.joined("fix", np.bool_), columns.joined("smoothed", np.bool_)
-    mode = columns.joined("mode", np.int64)
-    values = {key: columns.joined(_CHANNEL + key, np.float64) for key in wanted.channels}
     # of one beginning: a float of seconds since the epoch holds a tenth of a microsecond
     times_s = (at_us - at_us[:1]) / 1e6
-    rows: dict[str, IntArray] = {}
+    told: dict[str, BoolArray] = {}
     found: dict[str, Judgement] = {}
-    for key, value in values.items():
+    for key in wanted.channels:
         if is_cancelled():
             raise WorkCancelledError
-        rows[key] = np.flatnonzero(np.isfinite(value))
-        rule = wanted.rules.series.get(key, SeriesRule())
-        found[key] = judge_series(
-            value[rows[key]], times_s[rows[key]], rule, wanted.believable[key]
-        )
-    box, rules = wanted.deployment.site.domain, wanted.rules
-    rows[POSITION] = np.flatnonzero(np.isfinite(place[:, :2]).all(axis=1))
-    found[POSITION] = _position(place, times_s, fix, smoothed, rows[POSITION], wanted)
-    rows[DEPTH] = np.flatnonzero(np.isfinite(place[:, 2]))
+        told[key], found[key] = _channel(columns, key, times_s, wanted)
+    fix = columns.joined("fix", np.bool_)
+    told[POSITION], found[POSITION] = _position(columns, times_s, fix, wanted)
+    depth_m = columns.joined("depth", np.float64)
+    told[DEPTH] = np.isfinite(depth_m)
     found[DEPTH] = judge_depth(
-        place[rows[DEPTH], 2], times_s[rows[DEPTH]], rules.depth, box.depth_max_m
+        depth_m[told[DEPTH]],
+        times_s[told[DEPTH]],
+        wanted.rules.depth,
+        wanted.deployment.site.domain.depth_max_m,
     )
-    return Judged(at_us, rows, found, left_out, place[:, 2], mode, fix)
+    return Judged(at_us, told, found, left_out, depth_m, columns.joined("mode", np.int64), fix)
+
+
+def _channel(
+    columns: "_Columns", key: str, times_s: FloatArray, wanted: Wanted
+) -> tuple[BoolArray, Judgement]:
+    """Judge a channel; return which rows have a value of it too."""
+    values = columns.joined(_CHANNEL + key, np.float64)
+    told = np.isfinite(values)
+    rule = wanted.rules.series.get(key, SeriesRule())
+    return told, judge_series(values[told], times_s[told], rule, wanted.believable[key])
 
 
 def _position(
-    place: FloatArray,
-    times_s: FloatArray,
-    fix: BoolArray,
-    smoothed: BoolArray,
-    rows: IntArray,
-    wanted: Wanted,
-) -> Judgement:
+    columns: "_Columns", times_s: FloatArray, fix: BoolArray, wanted: Wanted
+) -> tuple[BoolArray, Judgement]:
     """Judge places as the robot believed them, and smoothed ones, each in a line of their own.
 
-    Between the two lies how far the robot was wrong, which is no movement.
+    Between the two lies how far the robot was wrong, which is no movement. Which rows have a place
+    is returned too.
     """
-    parts = [rows[~smoothed[rows]], rows[smoothed[rows]]]
+    north_east = columns.joined("north_east", np.float64, (0, 2))
+    smoothed = columns.joined("smoothed", np.bool_)
+    told = np.isfinite(north_east).all(axis=1)
+    parts = [np.flatnonzero(told & ~smoothed), np.flatnonzero(told & smoothed)]
     box, rule = wanted.deployment.site.domain, wanted.rules.position
-    said = [judge_position(place[part, :2], times_s[part], fix[part], rule, box) for part in parts]
+    said = [judge_position(north_east[part], times_s[part], fix[part], rule, box) for part in parts]
     order = np.argsort(np.concatenate(parts), kind="stable")
     whole = np.concatenate([one.flags for one in said])[order]
     by_test = {
         test: np.concatenate([one.by_test[test] for one in said])[order] for test in said[0].by_test
     }
-    return Judgement(whole, by_test)
+    return told, Judgement(whole, by_test)
 
 
 class _Columns:
@@ -198,7 +202,8 @@ class _Columns:
         """Take what a judgement needs of a block."""
         for name, part in (
             ("at_us", block.measured_at_us),
-            ("place", block.position_ned),
+            ("north_east", block.position_ned[:, :2]),
+            ("depth", block.position_ned[:, 2]),
             ("fix", block.has_fix),
             ("smoothed", block.is_smoothed),
             ("mode", block.mode),

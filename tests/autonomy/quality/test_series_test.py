@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from autonomy.quality import series_test
 from autonomy.quality.flag import FAIL, GOOD, MISSING, SUSPECT, UNKNOWN, og1_flags, worst
 from autonomy.quality.judgement import judge_series, stretches
 from autonomy.quality.rules import GRACE_QARTOD, SeriesRule
@@ -47,7 +48,9 @@ def test_a_flat_line_needs_its_whole_time_at_any_rate():
         ]
 
 
-def test_a_flat_line_is_as_a_slow_reading_of_its_words_finds_it():
+@pytest.mark.parametrize("at_once", [1, 7, 65_536])
+def test_a_flat_line_is_as_a_slow_reading_of_its_words_finds_it(monkeypatch, at_once):
+    monkeypatch.setattr(series_test, "_WINDOWS_AT_ONCE", at_once)
     rng = np.random.default_rng(4)
     times_s = np.cumsum(rng.uniform(0.1, 3.0, 700))
     values = np.round(np.cumsum(rng.normal(0, 0.1, 700)), 1)
