@@ -114,7 +114,9 @@ def write_flag(
         errors.append(FieldError(loc=["series"], msg=f"must be one of {', '.join(known)}"))
     if last_at < first_at:
         errors.append(FieldError(loc=["last_at"], msg="must not be before first_at"))
-    if first_at < record.begun_at or (record.last_at is not None and last_at > record.last_at):
+    # screens and people tell times in whole seconds
+    begun_at = record.begun_at.replace(microsecond=0)
+    if first_at < begun_at or (record.last_at is not None and last_at > record.last_at):
         errors.append(FieldError(loc=["first_at"], msg=f"must be within {deployment}"))
     if errors:
         raise unprocessable("The flag does not fit the deployment.", errors)

@@ -1,10 +1,12 @@
 """Files of deployments by REST: refused by field, written in the background, fetched whole."""
 
+import asyncio
 import hashlib
 
 import netCDF4
 
 from server.access.role import Role
+from server.base.worker import WorkerTaskError
 from server.delivery import file_task
 from tests.server.conftest import MINI, api_client, until
 from tests.server.deployment.shore import answered
@@ -100,6 +102,29 @@ async def test_a_file_of_a_deployment_that_was_opened_anew_meanwhile_is_not_kept
     told = await write(client, deployment, no_better_data=True)
     assert told["state"] == "failed"
     assert "was changed while its file was written" in told["message"]
+    assert (await answered(client.get(f"{deployment}/files")))["files"] == []
+
+
+async def test_one_file_of_a_deployment_is_written_at_a_time(client, deployment, monkeypatch):
+    may_end = asyncio.Event()
+
+    async def wait_and_break(*_, **__):
+        await may_end.wait()
+        raise WorkerTaskError("the disk did not take the file")
+
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", wait_and_break)
+    await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
+    first = await answered(client.post(f"{deployment}/files"), 202)
+    refused = await answered(client.post(f"{deployment}/files"), 409)
+    assert refused["detail"].startswith("A file of deployment-1 is being written")
+    may_end.set()
+
+    async def failed():
+        return (await answered(client.get(f"/api/jobs/{first['id']}")))["state"] == "failed"
+
+    await until(failed)
+    told = await write(client, deployment)
+    assert (told["state"], told["message"]) == ("failed", "the disk did not take the file")
     assert (await answered(client.get(f"{deployment}/files")))["files"] == []
 
 

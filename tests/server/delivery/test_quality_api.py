@@ -95,6 +95,15 @@ async def test_a_flag_that_does_not_fit_names_its_field(client, deployment, chan
     assert field in {one["loc"][-1] for one in refused["errors"]}
 
 
+async def test_a_flag_may_begin_with_the_whole_second_that_screens_show(client, deployment):
+    begun = (await answered(client.get(deployment)))["started_at"]
+    assert "." in begun
+    second = f"{begun[:19]}Z"
+    said = {"series": "depth", "first_at": second, "last_at": begun, "flag": 3, "reason": "Mud"}
+    kept = await answered(client.post(f"{deployment}/flags", json=said), 201)
+    assert kept["first_at"][:19] == second[:19]
+
+
 async def test_signed_data_take_no_flags_until_they_are_reopened(client, deployment):
     await answered(client.post(f"{deployment}/end"))
     await answered(client.post(f"{deployment}/review"))
