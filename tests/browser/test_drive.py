@@ -123,6 +123,37 @@ def test_the_stick_on_the_screen_turns_and_springs_back(cockpit):
     stop(cockpit)
 
 
+GAMEPAD = """() => {
+  const axes = [0, 0, 0, 0];
+  const buttons = Array.from({ length: 16 }, () => ({ pressed: false, touched: false, value: 0 }));
+  const pad = { axes, buttons, connected: true, id: 'Walk pad', index: 0, mapping: 'standard' };
+  window.walkPad = pad;
+  navigator.getGamepads = () => [{ ...pad, axes: [...axes], timestamp: performance.now() }];
+  dispatchEvent(new Event('gamepadconnected'));
+}"""
+"""A gamepad by the standard mapping, as a browser shows it once a button was pressed."""
+
+
+def test_a_gamepad_steers_and_its_second_button_stops(cockpit):
+    cockpit.evaluate(GAMEPAD)
+    begin(cockpit)
+    expect(cockpit.get_by_text("Walk pad")).to_be_visible()
+    began = place_of(cockpit)
+    cockpit.evaluate("() => { walkPad.axes[1] = -1; }")
+    expect(acts_on(cockpit, "Ahead")).to_have_text("60 %")
+    expect(cockpit.get_by_role("img", name="Stick: ahead 60 %, to starboard 0 %")).to_be_visible()
+    wait(cockpit, lambda: math.dist(began[:2], place_of(cockpit)[:2]) > 0.1)
+    cockpit.evaluate("() => { walkPad.axes[1] = 0; walkPad.axes[0] = 0.5; }")
+    expect(acts_on(cockpit, "Ahead")).to_have_text("0 %")
+    expect(acts_on(cockpit, "To starboard")).not_to_have_text("0 %")
+    shoot(cockpit, "drive-gamepad")
+    cockpit.set_viewport_size({"width": 1440, "height": 900})
+    cockpit.evaluate("() => { walkPad.axes[0] = 0; walkPad.buttons[1].pressed = true; }")
+    expect(cockpit.get_by_text(re.compile("stopped"))).to_be_visible()
+    cockpit.evaluate("() => { walkPad.buttons[1].pressed = false; }")
+    expect(cockpit.get_by_role("button", name=BEGIN)).to_be_enabled()
+
+
 def test_whoever_looks_elsewhere_sends_nothing_and_space_ends_it(cockpit):
     begin(cockpit)
     cockpit.keyboard.down("w")

@@ -1,6 +1,7 @@
 import {
   CENTRE,
   STOP_KEYS,
+  isAlike,
   isCentre,
   limited,
   ofGamepad,
@@ -25,7 +26,7 @@ export class Controls {
   reach = $state(0.6);
 
   readonly #onStop: () => void;
-  #pad: Stick = CENTRE;
+  #pad = $state.raw<Stick>(CENTRE);
 
   constructor(onStop: () => void) {
     this.#onStop = onStop;
@@ -69,12 +70,12 @@ export class Controls {
     // Before the keys of the whole app, which mean something else.
     addEventListener('keydown', onkeydown, { capture: true });
     addEventListener('keyup', onkeyup, { capture: true });
-    let frame = 0;
     const look = () => {
       this.#look();
       frame = requestAnimationFrame(look);
     };
-    look();
+    // Not at once: whoever listens in an effect does not depend on where the gamepad is.
+    let frame = requestAnimationFrame(look);
     return () => {
       cancelAnimationFrame(frame);
       removeEventListener('keydown', onkeydown, { capture: true });
@@ -92,7 +93,8 @@ export class Controls {
   #look(): void {
     const pad = navigator.getGamepads().find((one) => one?.connected);
     this.gamepad = pad?.id ?? '';
-    this.#pad = pad ? ofGamepad(pad.axes) : CENTRE;
+    const stick = pad ? ofGamepad(pad.axes) : CENTRE;
+    if (!isAlike(stick, this.#pad)) this.#pad = stick;
     if (pad?.buttons.some(({ pressed }, number) => pressed && number === STOP_BUTTON)) {
       this.#onStop();
     }

@@ -73,8 +73,12 @@ export function ofGamepad(axes: readonly number[]): Stick {
   return { forward: live(-down), turn: live(right), up: live(-sink) };
 }
 
-export function isCentre({ forward, turn, up }: Stick): boolean {
-  return forward === 0 && turn === 0 && up === 0;
+export function isAlike(one: Stick, other: Stick): boolean {
+  return one.forward === other.forward && one.turn === other.turn && one.up === other.up;
+}
+
+export function isCentre(stick: Stick): boolean {
+  return isAlike(stick, CENTRE);
 }
 
 /** A stick that reaches no farther than a share of its way. */
