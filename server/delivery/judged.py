@@ -180,7 +180,7 @@ def _position(
     """
     north_east = columns.joined("north_east", np.float64, (0, 2))
     smoothed = columns.joined("smoothed", np.bool_)
-    told = np.isfinite(north_east).all(axis=1)
+    told = np.isfinite(north_east[:, 0]) & np.isfinite(north_east[:, 1])
     parts = [np.flatnonzero(told & ~smoothed), np.flatnonzero(told & smoothed)]
     box, rule = wanted.deployment.site.domain, wanted.rules.position
     said = [judge_position(north_east[part], times_s[part], fix[part], rule, box) for part in parts]
