@@ -95,7 +95,7 @@ def _series(rule: AlarmRule, channels: Mapping[str, Channel]) -> dict[str, _Seri
         else:
             msg = f"The past of {name!r} is not kept; see when its alarms were raised in the log."
             wrong = FieldError(loc=["rule", "reads"], msg=msg)
-            raise unprocessable("1 field is wrong.", [wrong])
+            raise unprocessable(msg, [wrong])
     return found
 
 

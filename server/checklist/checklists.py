@@ -9,6 +9,7 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
+from db.query.fleet.deployments import deployment_in_water
 from db.query.mission import checklists as query
 from db.query.mission.checklists import ChecklistRun, Tick
 from db.query.station.events import add_event
@@ -313,10 +314,12 @@ class Checklists:
     async def _expire(self, robot: str) -> None:
         if not self._fleet.knows(robot):
             return
-        now, deployment = self._clock.now(), _deployment(self._fleet.status(robot))
+        now = self._clock.now()
 
         def write(session: Session) -> list[datetime]:
-            due: list[datetime] = []
+            # the fleet is told after the commit that let the robot in: here it may not know yet
+            found = deployment_in_water(session, robot)
+            deployment, due = None if found is None else found.id, list[datetime]()
             for run in query.standing_runs(session, robot):
                 template = template_of(run.document)
                 if why := why_over(run, template.act, deployment, now):

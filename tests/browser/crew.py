@@ -1,7 +1,7 @@
 """More people than one: each in a browser of their own, and who is in charge of which robot."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from playwright.sync_api import Browser, Locator, Page, expect
@@ -17,7 +17,7 @@ def name_of(page: Page) -> str:
 
 
 @contextmanager
-def second_pilot(browser: Browser, demo: Demo, first: Page) -> Iterator[Page]:
+def second_pilot(browser: Browser, demo: Demo, first: Page) -> Generator[Page]:
     """Let the first, an administrator, make the pilot ben known, and let him sign in."""
     csrf = first.evaluate("fetch('/api/session').then(a => a.json()).then(a => a.csrf_token)")
     person = {"name": "ben", "role": "pilot", "password": PASSWORD}

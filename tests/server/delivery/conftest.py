@@ -2,17 +2,18 @@
 
 from datetime import UTC, datetime, timedelta
 
+import httpx
 import pytest
 
-from tests.server.conftest import MINI, until
+from tests.server.conftest import MINI, OpenStation, until
 from tests.server.deployment.shore import answered, deployments, sample_at
-from tests.server.fake_link import state_report
+from tests.server.fake_link import World, state_report
 
 MINUTES = (50, 40, 30, 20, 10)
 
 
 @pytest.fixture
-async def deployment(client, world, station):
+async def deployment(client: httpx.AsyncClient, world: World, station: OpenStation) -> str:
     """A deployment with five values of temperature, one of which no water has."""
     (now,) = await deployments(client, robot=MINI, state="in_water")
     begin = datetime.now(UTC) - timedelta(hours=1)

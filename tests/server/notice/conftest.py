@@ -107,7 +107,10 @@ def moving(monkeypatch: pytest.MonkeyPatch) -> list[timedelta]:
         def now(self) -> datetime:
             return now() + ahead[0]
 
-    monkeypatch.setattr("server.base.foundation.read_clock", lambda _: Moved())
+    def moved(_: object) -> Moved:
+        return Moved()
+
+    monkeypatch.setattr("server.base.foundation.read_clock", moved)
     return ahead
 
 
@@ -118,15 +121,16 @@ def words(taken: Taken) -> str:
 async def move(here: NoticeStation, moving: list[timedelta], minutes: float) -> None:
     """Let time pass, and wait until the station has done what was due."""
     moving[0] += timedelta(minutes=minutes)
-    here.notices._wakeups.wake()
+    wakeups = here.notices._wakeups  # pyright: ignore[reportPrivateUsage]
+    wakeups.wake()
     done = asyncio.Event()
-    seen = here.notices._wakeups.next
+    seen = wakeups.next
 
     async def watch() -> list[str]:
         done.set()
         return await seen()
 
-    here.notices._wakeups.next = watch
+    wakeups.next = watch
     async with asyncio.timeout(30.0):
         await done.wait()
-    here.notices._wakeups.next = seen
+    wakeups.next = seen

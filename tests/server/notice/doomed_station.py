@@ -47,9 +47,9 @@ async def main(folder: Path, hook: str, moment: str, *next_hook: str) -> None:
             await here.wish("ben", alarms={"station": "none"})
             await here.set_up(steps=[{"people": ["ben"], "after_minutes": 10}])
         if moment == "written":
-            here.notices.deliveries.begin = die
+            vars(here.notices.deliveries)["begin"] = die
         if moment == "answered":
-            here.notices.deliveries._settle = die_soon
+            vars(here.notices.deliveries)["_settle"] = die_soon
         await here.alarms.raise_("leak", "It leaks.", level="critical")
         await asyncio.Event().wait()
 

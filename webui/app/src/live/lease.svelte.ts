@@ -12,8 +12,11 @@ export interface ToldLease extends Lease {
 export class Leases {
   readonly #leases: Fetched<readonly ToldLease[]>;
   readonly #hold: Fetched<Hold>;
+  readonly #isTold: () => boolean;
 
-  constructor(api: Api) {
+  /** `isTold` says whether the station tells it at all: who looks by a read-only link is not. */
+  constructor(api: Api, isTold: () => boolean) {
+    this.#isTold = isTold;
     this.#leases = new Fetched(async () => {
       const leases = await api.lease.leases();
       const receivedAt = performance.now();
@@ -34,12 +37,14 @@ export class Leases {
 
   /** Follow both until the returned function is called. */
   follow(): () => void {
+    if (!this.#isTold()) return () => {};
     const ends = [this.#leases.follow(), this.#hold.follow()];
     return () => ends.forEach((end) => end());
   }
 
   /** Read again what the live stream says has changed. */
   take(changed: Readonly<Record<string, number>>): void {
+    if (!this.#isTold()) return;
     if ('leases' in changed) this.#leases.follow();
     if ('automation' in changed) this.#hold.follow();
   }

@@ -45,7 +45,7 @@ export class Station {
   readonly api = new Api();
   readonly clock = new StationClock();
   /** Who is in charge of which robot, and whether automation is held. */
-  readonly leases = new Leases(this.api);
+  readonly leases = new Leases(this.api, () => this.session?.is_link === false);
 
   /** `undefined` while the station is being asked, `null` when nobody is signed in. */
   session = $state.raw<Session | null | undefined>(undefined);
