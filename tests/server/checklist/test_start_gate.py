@@ -2,12 +2,14 @@
 
 import asyncio
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import pytest
 
 from db.query.mission.transfers import newest_transfer
 from db.query.station.events import newest_events
 from robot_link.messages import CommandKind, OnboardPlanState
+from server.checklist.checklists import Checklists
 from tests.server.checklist.begun import (
     begin,
     complete,
@@ -298,6 +300,21 @@ async def test_overruled_launch_is_logged_with_its_reason_and_lets_its_first_pla
         assert told[kind].by == "test admin"
     found = await list_of(client, "pre_launch_lake", GRACE)
     assert (found["state"], found["lets_start"]) == ("overruled", True)
+
+
+async def test_list_that_let_a_deployment_begin_stands_before_the_fleet_hears_of_it(
+    client, station, monkeypatch
+):
+    await in_the_workshop(client)
+    assert (await launched(client, overrule="The boat waits.")).status_code == 201
+    checklists = station.foundation.services.get(Checklists)
+    ashore = SimpleNamespace(
+        knows=lambda _: True, status=lambda _: SimpleNamespace(deployment=None)
+    )
+    with monkeypatch.context() as late:
+        late.setattr(checklists, "_fleet", ashore)
+        await checklists._expire(GRACE)
+    assert (await list_of(client, "pre_launch_lake", GRACE))["state"] == "overruled"
 
 
 async def test_list_of_the_workshop_is_of_the_deployment_it_let_begin_and_ends_with_it(client):
