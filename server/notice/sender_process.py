@@ -48,16 +48,17 @@ def main() -> None:
     requests.Session.send = _noting_http(requests.Session.send)
     smtplib.SMTP.getreply = _noting_smtp(smtplib.SMTP.getreply)
     smtplib.SMTP.connect = _noting_smtp(smtplib.SMTP.connect)
-    out = threading.Lock()
+    out, answers = threading.Lock(), sys.stdout
+    sys.stdout = sys.stderr  # what a plugin prints is no answer
 
     def serve(request: dict[str, Any]) -> None:
         answer = hand_over(request)
         with out:
-            sys.stdout.write(json.dumps(answer) + "\n")
-            sys.stdout.flush()
+            answers.write(json.dumps(answer) + "\n")
+            answers.flush()
 
-    sys.stdout.write("\n")  # ready
-    sys.stdout.flush()
+    answers.write("\n")  # ready
+    answers.flush()
     for line in sys.stdin:
         request = json.loads(line)
         threading.Thread(target=serve, args=(request,), daemon=True).start()

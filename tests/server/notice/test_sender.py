@@ -1,6 +1,7 @@
 """Messages on their way to services that take, refuse, break, drip and hang."""
 
 import asyncio
+import sys
 from collections.abc import AsyncIterator
 
 import pytest
@@ -163,3 +164,24 @@ def test_only_a_hint_of_an_address_can_be_seen():
 def test_what_is_no_address_or_would_act_on_this_machine_is_refused(form: str, address: str):
     with pytest.raises(ValueError, match=r"address|machine"):
         Address.model_validate({"form": form, "address": address})
+
+
+async def test_what_a_plugin_prints_is_no_answer():
+    chatty = (
+        "import server.notice.sender_process as one\n"
+        "one.hand_over = lambda request: print('hello') or {'number': request['number']}\n"
+        "one.main()\n"
+    )
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", chatty,
+        stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+    )  # fmt: skip
+    assert process.stdin
+    assert process.stdout
+    process.stdin.write(b'{"number": 7}\n')
+    await process.stdin.drain()
+    said = [await process.stdout.readline() for _ in range(2)]
+    process.stdin.close()
+    await process.wait()
+    assert said == [b"\n", b'{"number": 7}\n']
