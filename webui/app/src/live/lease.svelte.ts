@@ -1,5 +1,6 @@
 import type { Api } from '../api/client';
-import type { Hold, Lease } from '../api/types';
+import type { Hold, Lease, StationEvent } from '../api/types';
+import { clockTime } from '../text/time';
 import { Fetched } from './fetched.svelte';
 
 /** A lease as it was told, and when that was, so that its ages count on by the local clock. */
@@ -92,4 +93,20 @@ export function minutes(seconds: number): string {
     : whole < 120
       ? `${whole} min`
       : `${Math.floor(whole / 60)} h`;
+}
+
+/** Who refused a person's request for a robot, while nothing else was said of its lease since. */
+export function refusedText(
+  events: readonly Pick<StationEvent, 'kind' | 'robot' | 'text' | 'at'>[],
+  robot: string,
+  name: string,
+): string {
+  const last = events.findLast(
+    (event) =>
+      event.robot === robot &&
+      event.kind.startsWith('lease.') &&
+      !event.kind.startsWith('lease.script'),
+  );
+  if (last?.kind !== 'lease.refused' || !last.text.includes(` refused ${name} `)) return '';
+  return `${clockTime(last.at)} ${last.text}`;
 }

@@ -3,6 +3,7 @@ import {
   chargeText,
   isRequestable,
   minutes,
+  refusedText,
   silentNow,
   unansweredText,
   type ToldLease,
@@ -57,5 +58,20 @@ describe('who is in charge', () => {
     expect(minutes(59)).toBe('less than a minute');
     expect(minutes(119)).toBe('1 min');
     expect(minutes(3 * 3600)).toBe('3 h');
+  });
+});
+
+describe('a request that was refused', () => {
+  const at = '2026-05-04T06:00:00Z';
+  const no = { kind: 'lease.refused', robot: 'mini-1', text: 'ann refused ben mini-1.', at };
+
+  it('is told to who asked, of that robot alone, until something else is said of the lease', () => {
+    expect(refusedText([no], 'mini-1', 'ben')).toBe('06:00:00Z ann refused ben mini-1.');
+    expect(refusedText([no], 'mini-1', 'eve')).toBe('');
+    expect(refusedText([no], 'grace-1', 'ben')).toBe('');
+    const anew = { kind: 'lease.requested', robot: 'mini-1', text: 'ben asks.', at };
+    expect(refusedText([no, anew], 'mini-1', 'ben')).toBe('');
+    const heard = { kind: 'plan.draft', robot: 'mini-1', text: 'A draft.', at };
+    expect(refusedText([no, heard], 'mini-1', 'ben')).not.toBe('');
   });
 });
