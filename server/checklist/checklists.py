@@ -233,7 +233,7 @@ class Checklists:
         def write(session: Session) -> ChecklistRun:
             record = query.get_run(session, run)
             wanted = _manual_item(template_of(record.document), item)
-            self._refuse_over(record)
+            self._refuse_over(session, record)
             before = [one for one in query.ticks_of(session, run) if one.item == item]
             is_same = bool(before) and (before[-1].is_ticked, before[-1].note) == (is_ticked, note)
             if is_same or (not before and not is_ticked):
@@ -262,7 +262,7 @@ class Checklists:
 
         def write(session: Session) -> ChecklistRun:
             record = query.get_run(session, run)
-            self._refuse_over(record)
+            self._refuse_over(session, record)
             template = template_of(record.document)
             items = standing_of(template, found, query.ticks_of(session, run))
             if missing := open_blocking(items):
@@ -286,7 +286,7 @@ class Checklists:
 
         def write(session: Session) -> ChecklistRun:
             record = query.get_run(session, run)
-            self._refuse_over(record)
+            self._refuse_over(session, record)
             template = template_of(record.document)
             items = standing_of(template, found, query.ticks_of(session, run))
             if not open_blocking(items):
@@ -299,10 +299,9 @@ class Checklists:
         record = await self._store.query(lambda session: query.get_run(session, run))
         return findings_of(template_of(record.document), self.situation(record.robot))
 
-    def _refuse_over(self, run: ChecklistRun) -> None:
+    def _refuse_over(self, session: Session, run: ChecklistRun) -> None:
         act = template_of(run.document).act
-        deployment = _deployment(self._fleet.status(run.robot))
-        why = why_over(run, act, deployment, self._clock.now())
+        why = why_over(run, act, _deployment_now(session, run.robot), self._clock.now())
         if run.ended_at is not None or why:
             raise conflict(f"{run.id} has expired: {why or run.reason}; begin the list anew.")
 
@@ -317,9 +316,7 @@ class Checklists:
         now = self._clock.now()
 
         def write(session: Session) -> list[datetime]:
-            # the fleet is told after the commit that let the robot in: here it may not know yet
-            found = deployment_in_water(session, robot)
-            deployment, due = None if found is None else found.id, list[datetime]()
+            deployment, due = _deployment_now(session, robot), list[datetime]()
             for run in query.standing_runs(session, robot):
                 template = template_of(run.document)
                 if why := why_over(run, template.act, deployment, now):
@@ -410,3 +407,9 @@ def _manual_item(template: ChecklistTemplate, key: str) -> ChecklistItem:
 
 def _deployment(status: RobotStatus) -> str | None:
     return None if status.deployment is None else status.deployment.id
+
+
+def _deployment_now(session: Session, robot: str) -> str | None:
+    """Return it as kept: the fleet hears only after the commit that a robot was let in."""
+    found = deployment_in_water(session, robot)
+    return None if found is None else found.id

@@ -25,9 +25,9 @@ DIVE = {
         {"kind": "dive", "end_ned": [0, 0, number * 1.37 % 5], "speed_m_s": 0.05 + number / 1e3}
         for number in (*range(1, 40), 0)
     ],
-    "config": {"round_budget": 400.0, "total_budget": 400.0},
+    "config": {"round_budget": 400.0, "total_budget": 400.0, "max_uncertainty_m": 60.0},
 }
-"""Long enough to need two messages."""
+"""Long enough to need two messages. Its robot never told what it knows of the current."""
 
 
 def give_links(tmp_path, links):

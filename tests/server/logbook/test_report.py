@@ -150,7 +150,7 @@ def test_the_noise_of_a_robot_at_the_surface_does_not_look_like_a_dive():
     at = [START, START + timedelta(minutes=30)]
     curve = Curve("Depth", "m", at, [0.0, 0.004], is_downwards=True, least_span=1.0)
     figure = curve_figure(curve, START, START + timedelta(hours=1))
-    (first, last) = (float(y) for y in re.findall(r"[\d.]+,([\d.]+)", figure))
+    (first, last) = (float(y) for y in re.findall(r'cy="([\d.]+)"', figure))
     assert abs(last - first) < 1.0
     assert re.findall(r'end">([^<]+)<', figure)[-2] == "1"
     assert "e-" not in "".join(re.findall(r">([^<]*)</text>", figure))
