@@ -16,8 +16,6 @@ from pydantic import AfterValidator, Field
 from server.base.alarm_board import LEVELS
 from server.base.view import Body, one_of
 
-AlarmTopic = Literal["alarm", "contact", "battery", "station"]
-EventTopic = Literal["surfaced", "plan", "assigned"]
 Topic = Literal["alarm", "contact", "battery", "station", "surfaced", "plan", "assigned", "test"]
 Level = Annotated[str, one_of(*LEVELS, "none")]
 _EVERY_DAY: Final = tuple(range(7))
