@@ -143,6 +143,8 @@ def _sections(tokens: Sequence[Token]) -> Iterator[Section]:
                 words.append(_plain(token))
         elif token.type in ("fence", "code_block"):
             words.append(token.content.strip())
+        elif token.type in ("th_close", "td_close"):
+            words.append("·")
     if heading is not None:
         yield Section(str(heading.attrs["id"]), title, " ".join(words))
 

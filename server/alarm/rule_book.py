@@ -25,7 +25,7 @@ from server.alarm.rule import AlarmRule
 from server.alarm.value import VALUES
 from server.base.channels import Channels
 from server.base.event_bus import EventBus
-from server.base.problem import FieldError, conflict, not_found, unprocessable
+from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +45,8 @@ class KnownRule:
     origin: Literal["delivered", "changed", "own"]
     changed_at: datetime | None = None
     changed_by: str = ""
+    version: int = 0
+    """Grows with each change; 0 as it was delivered."""
     out_of_service: tuple[OutOfServiceRecord, ...] = ()
 
 
@@ -141,29 +143,36 @@ class RuleBook:
             return self.get(rule.key)
 
     async def change(
-        self, key: str, changes: Mapping[str, Any], robots: Iterable[str], by: str
+        self,
+        key: str,
+        changes: Mapping[str, Any],
+        robots: Iterable[str],
+        by: str,
+        if_match: str | None = None,
     ) -> KnownRule:
         """Change fields of a rule; of a delivered one the station keeps its own version.
 
         Raises:
-            Problem: 404 without such a rule; 422 with each wrong field.
+            Problem: 404 without such a rule; 412 if ``if_match`` names another version; 422 with
+                each wrong field.
         """
         async with self._changing:
-            before = self.get(key).rule
+            before = self._matched(key, if_match).rule
             rule = validated({**before.model_dump(mode="json"), **changes, "key": key})
             self.check(rule, robots)
             if rule != before:
                 await self._keep(key, rule, by, "changed")
             return self.get(key)
 
-    async def remove(self, key: str, by: str) -> KnownRule | None:
+    async def remove(self, key: str, by: str, if_match: str | None = None) -> KnownRule | None:
         """Give a changed rule back as it was delivered, or remove one of the team's own.
 
         Raises:
-            Problem: 404 without such a rule; 409 if it is as it was delivered.
+            Problem: 404 without such a rule; 409 if it is as it was delivered; 412 if
+                ``if_match`` names another version.
         """
         async with self._changing:
-            entry = self.get(key)
+            entry = self._matched(key, if_match)
             if entry.origin == "delivered":
                 raise conflict(f"{entry.rule.title} is as it was delivered.")
             is_own = entry.origin == "own"
@@ -220,6 +229,18 @@ class RuleBook:
         self._bus.publish(AlarmRulesChanged(key))
         return self.get(key)
 
+    def _matched(self, key: str, if_match: str | None) -> KnownRule:
+        """Return a rule, if it is still of the version that somebody saw."""
+        now = self.get(key)
+        if if_match is not None and if_match not in {"*", etag(now)}:
+            when = (
+                "" if now.changed_at is None else f" by {now.changed_by} at {now.changed_at:%H:%MZ}"
+            )
+            raise Problem(
+                412, f"{now.rule.title} was changed meanwhile{when}; nothing was overwritten."
+            )
+        return now
+
     @property
     def _delivered(self) -> dict[str, AlarmRule]:
         return delivered(self._channels.catalogue)
@@ -231,9 +252,8 @@ class RuleBook:
             return KnownRule(rule, "delivered", out_of_service=out)
         is_own = rule.key not in self._delivered
         version = own[1]
-        return KnownRule(
-            rule, "own" if is_own else "changed", version.changed_at, version.changed_by, out
-        )
+        origin: Literal["own", "changed"] = "own" if is_own else "changed"
+        return KnownRule(rule, origin, version.changed_at, version.changed_by, version.key, out)
 
     async def _keep(
         self, key: str, rule: AlarmRule | None, by: str, what: str, title: str = ""
@@ -257,6 +277,11 @@ class RuleBook:
         else:
             rule = AlarmRule.model_validate(dict(version.document))
             self._own[version.rule] = (rule, version)
+
+
+def etag(entry: KnownRule) -> str:
+    """Return the name of a rule's version for ``ETag`` and ``If-Match``, quotes included."""
+    return f'"{entry.version}"'
 
 
 def validated(document: Mapping[str, Any]) -> AlarmRule:

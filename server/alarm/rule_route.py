@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Header
 from pydantic import Field
 
 from db.query.station.alarm_rules import OutOfServiceRecord, RuleVersionRecord
@@ -25,6 +25,7 @@ router = APIRouter(prefix="/api/alarm-rules", tags=["alarms"], route_class=Idemp
 BookDep = Annotated[RuleBook, Depends(service(RuleBook))]
 FleetDep = Annotated[Fleet, Depends(service(Fleet))]
 TrialsDep = Annotated[Trials, Depends(service(Trials))]
+IfMatch = Annotated[str | None, Header()]
 DAYS_MAX = 31
 
 
@@ -48,6 +49,8 @@ class AlarmRuleView(View):
     """As delivered, delivered and changed here, or the team's own."""
     changed_at: datetime | None
     changed_by: str
+    version: int
+    """For ``If-Match``: another after each change, 0 as it was delivered."""
     out_of_service: list[OutOfServiceView]
 
 
@@ -191,17 +194,30 @@ async def try_rule(
 
 @router.patch("/{rule}")
 async def change_rule(
-    caller: Pilot, rule: str, changes: RuleChanges, book: BookDep, fleet: FleetDep
+    caller: Pilot,
+    rule: str,
+    changes: RuleChanges,
+    book: BookDep,
+    fleet: FleetDep,
+    if_match: IfMatch = None,
 ) -> AlarmRuleView:
-    """Change fields of a rule; of a delivered one the station keeps its own version."""
+    """Change fields of a rule; of a delivered one the station keeps its own version.
+
+    412 says that it has another version than ``If-Match``, and who changed it.
+    """
     given = changes.model_dump(mode="json", exclude_none=True)
-    return _view(await book.change(rule, given, _robots(fleet), caller.name))
+    return _view(await book.change(rule, given, _robots(fleet), caller.name, if_match))
 
 
 @router.delete("/{rule}")
-async def remove_rule(caller: Pilot, rule: str, book: BookDep) -> AlarmRuleView | None:
-    """Give a changed rule back as it was delivered, or remove one of the team's own."""
-    entry = await book.remove(rule, caller.name)
+async def remove_rule(
+    caller: Pilot, rule: str, book: BookDep, if_match: IfMatch = None
+) -> AlarmRuleView | None:
+    """Give a changed rule back as it was delivered, or remove one of the team's own.
+
+    412 says that it has another version than ``If-Match``, and who changed it.
+    """
+    entry = await book.remove(rule, caller.name, if_match)
     return None if entry is None else _view(entry)
 
 

@@ -5,7 +5,7 @@ Everything is as the station knows it at one moment; what it does not know it le
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Annotated, Final
 
 from sqlalchemy.orm import Session
@@ -165,6 +165,9 @@ async def standing(foundation: Foundation) -> StandView:
     lists = [
         (robot, one) for robot in robots for one in await services.get(Checklists).standing(robot)
     ]
+    in_water = [(one, views.robot_view(one.robot).deployment) for one in stands]
+    began_at = {one.robot: found.started_at for one, found in in_water if found is not None}
+    names = {one.robot: one.name for one in stands}
     later = {one.plan: f"waits for {text_of(condition_of(one.condition))}" for one in waiting}
     return StandView(
         alarms,
@@ -172,7 +175,10 @@ async def standing(foundation: Foundation) -> StandView:
         [_plan(one) for one in plans],
         [_plan(one, later.get(one.id, "")) for one in drafts],
         [_checklist(robot, one.run.id, one) for robot, one in lists if one.run and one.open_items],
-        [*overdue_robots(stands, late, foundation.clock.now()), *_not_looked_at(stands, lists)],
+        [
+            *overdue_robots(stands, late, foundation.clock.now()),
+            *not_looked_at(began_at, names, lists, foundation.clock.now()),
+        ],
     )
 
 
@@ -204,16 +210,31 @@ def overdue_robots(
             yield OverdueView(one.robot, "recovery", text)
 
 
-def _not_looked_at(
-    stands: Sequence[RobotStandView], lists: Sequence[tuple[str, ListStanding]]
+def not_looked_at(
+    began_at: Mapping[str, datetime],
+    names: Mapping[str, str],
+    lists: Sequence[tuple[str, ListStanding]],
+    now: datetime,
 ) -> Iterator[OverdueView]:
-    """Return daily lists of robots in the water that nobody began within their time."""
-    in_water = {one.robot: one.name for one in stands if one.deployment is not None}
+    """Return daily lists of robots in the water that nobody began within their time.
+
+    A robot that is in the water for less than that time is not overdue yet.
+
+    Args:
+        began_at: Begin of the deployment of each robot that is in one.
+        names: Their names.
+        lists: Every list of each robot.
+        now: This moment.
+    """
     for robot, one in lists:
-        if one.run is None and one.template.act == "daily" and robot in in_water:
-            hours = f" within the last {one.template.valid_h:g} h" if one.template.valid_h else ""
-            text = f"{one.template.title} of {in_water[robot]}: nobody began it{hours}."
-            yield OverdueView(robot, "daily", text)
+        if one.run is not None or one.template.act != "daily" or robot not in began_at:
+            continue
+        valid_h = one.template.valid_h
+        if valid_h and now - began_at[robot] < timedelta(hours=valid_h):
+            continue
+        hours = f" within the last {valid_h:g} h" if valid_h else ""
+        text = f"{one.template.title} of {names[robot]}: nobody began it{hours}."
+        yield OverdueView(robot, "daily", text)
 
 
 async def _robot(

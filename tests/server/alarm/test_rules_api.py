@@ -48,6 +48,18 @@ async def test_a_rule_of_the_teams_own_raises_with_its_level_and_action(station,
     assert {"alarm_rule.added", "alarm_rule.removed"} <= set(kinds)
 
 
+async def test_a_rule_that_another_changed_meanwhile_is_not_overwritten(client):
+    seen = {"If-Match": '"0"'}
+    first = await ok(client.patch(f"{RULES}/battery", json={"delay_s": 5.0}, headers=seen))
+    late = await client.patch(f"{RULES}/battery", json={"delay_s": 9.0}, headers=seen)
+    assert late.status_code == 412
+    assert f"by {first['changed_by']} at " in late.json()["detail"]
+    assert (await client.delete(f"{RULES}/battery", headers=seen)).status_code == 412
+    newest = {"If-Match": f'"{first["version"]}"'}
+    again = await ok(client.patch(f"{RULES}/battery", json={"delay_s": 7.0}, headers=newest))
+    assert (again["rule"]["delay_s"], again["version"] > first["version"]) == (7.0, True)
+
+
 async def test_a_changed_delivered_rule_keeps_its_versions_and_can_be_reset(client):
     limits = {"limits": [{"level": "info", "low": 30.0}]}
     changed = await ok(client.patch(f"{RULES}/battery", json=limits))

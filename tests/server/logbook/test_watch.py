@@ -14,7 +14,10 @@ from db.query.log_book.check import complaints
 from db.query.log_book.pages import get_page
 from db.query.log_book.shifts import begin_shift, end_shift, shifts_in
 from server.access.role import Role
-from server.logbook.handover import RobotStandView, overdue_robots
+from server.checklist.checklists import ListStanding
+from server.checklist.delivered import DELIVERED
+from server.checklist.templates import KnownTemplate
+from server.logbook.handover import RobotStandView, not_looked_at, overdue_robots
 from server.logbook.page import page_view
 from server.logbook.span import last_two_shifts, my_shift
 from tests.server.checklist.begun import begin, tick
@@ -273,8 +276,7 @@ async def test_a_hand_over_tells_open_checklists_what_is_overdue_and_asks_to_loo
 ):
     before = await seen(ann)
     assert before["standing"]["checklists"] == []
-    daily = {(one["robot"], one["kind"]) for one in before["standing"]["overdue"]}
-    assert daily == {("mini-1", "daily"), ("grace-1", "daily")}, "nobody looked at either today"
+    assert before["standing"]["overdue"] == [], "both are in the water for less than a day"
     run = await begin(client)
     await begin(client, "daily")
     for item in ("trim", "surface", "tank"):
@@ -285,7 +287,7 @@ async def test_a_hand_over_tells_open_checklists_what_is_overdue_and_asks_to_loo
     assert [one["key"] for one in tank["items"] if one["is_manual"]] == ["hull", "hook"]
     blocking = [one["is_blocking"] for one in tank["items"]]
     assert blocking == sorted(blocking, reverse=True), "what blocks comes first"
-    assert [one["robot"] for one in told["standing"]["overdue"]] == ["grace-1"]
+    assert told["standing"]["overdue"] == []
     await tick(client, run["id"], "hull")
     again = await ann.post("/api/logbook/pages", json={"seen": told["seen"], "weather": CALM})
     assert (again.status_code, "look again" in again.json()["detail"]) == (409, True)
@@ -344,3 +346,19 @@ def test_a_robot_is_overdue_that_was_to_be_heard_or_to_be_recovered_by_now():
         ("g2", "recovery", "Grace 2 was to be recovered by 2026-11-28 02:31Z."),
         ("g3", "contact", "g3 has not called."),
     ]
+
+
+def test_a_daily_list_is_overdue_after_its_time_in_the_water_and_not_before():
+    now = datetime(2026, 11, 28, 4, 31, tzinfo=UTC)
+    (key,) = [key for key, one in DELIVERED.items() if one.act == "daily"]
+    template = DELIVERED[key]
+    standing = ListStanding(KnownTemplate(key, template, 0, "delivered"), None, [])
+    began_at = {
+        "old": now - timedelta(hours=template.valid_h, minutes=1),
+        "young": now - timedelta(hours=template.valid_h, minutes=-1),
+    }
+    names = {"old": "Grace 1", "young": "Grace 2"}
+    lists = [("old", standing), ("young", standing), ("ashore", standing)]
+    (found,) = not_looked_at(began_at, names, lists, now)
+    assert (found.robot, found.kind) == ("old", "daily")
+    assert found.text == f"{template.title} of Grace 1: nobody began it within the last 24 h."

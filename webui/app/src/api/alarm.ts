@@ -51,10 +51,12 @@ export class AlarmApi {
   schema = () => told(this.#http.GET('/api/alarm-rules/schema')) as Promise<JsonObject>;
   watched = () => told(this.#http.GET('/api/alarm-rules/watched'));
   addRule = (body: AlarmRule) => told(this.#http.POST('/api/alarm-rules', { body }));
-  changeRule = (rule: string, body: Schemas['RuleChanges']) =>
-    told(this.#http.PATCH('/api/alarm-rules/{rule}', { ...of({ rule }), body }));
+  /** Refused with 412 if somebody changed the rule since the version that was seen. */
+  changeRule = (rule: string, version: number, body: Schemas['RuleChanges']) =>
+    told(this.#http.PATCH('/api/alarm-rules/{rule}', { ...seen(rule, version), body }));
   /** Give a changed rule back as it was delivered, or remove one of the team's own. */
-  resetRule = (rule: string) => done(this.#http.DELETE('/api/alarm-rules/{rule}', of({ rule })));
+  resetRule = (rule: string, version: number) =>
+    done(this.#http.DELETE('/api/alarm-rules/{rule}', seen(rule, version)));
   tryRule = (rule: AlarmRule, days: number) =>
     told(this.#http.POST('/api/alarm-rules/try', { body: { rule, days } }));
   takeOut = (rule: string, robot: string | null, reason: string) =>
@@ -70,4 +72,9 @@ export class AlarmApi {
         params: { path: { rule }, query: { robot } },
       }),
     );
+}
+
+/** Names the version of a rule that a change was made from. */
+function seen(rule: string, version: number) {
+  return { params: { path: { rule }, header: { 'if-match': `"${version}"` } } };
 }
