@@ -15,7 +15,7 @@ from autonomy.tracking.config import RangingConfig
 from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.actuator_watch import Actuator, ActuatorBelief
-from onboard.flight.depth_zero import DepthZero
+from onboard.flight.depth_zero import ABOVE_MAX_M, DepthZero
 from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
@@ -406,14 +406,21 @@ class OnboardProgram:
             radio.begin_next_plan()
 
     def state_report(self) -> StateReport:
-        """Return what the robot believes of itself; ``received_at`` is the receiver's to fill."""
+        """Return what the robot believes of itself; ``received_at`` is the receiver's to fill.
+
+        A sensor that reads a depth above the surface is told as it reads: its zero is wrong, which
+        nobody would see otherwise.
+        """
         estimate = self.estimate
+        north, east, down = estimate.position_ned
+        if self._readings.depth_m < -ABOVE_MAX_M:
+            down = self._readings.depth_m
         roll, pitch, heading = estimate.state[3:6].tolist()
         return StateReport(
             robot=self._robot,
             measured_at=self.now,
             received_at=self.now,
-            position_ned=estimate.position_ned,
+            position_ned=(north, east, down),
             position_std_m=estimate.position_std_m,
             velocity_ned=estimate.velocity_ned,
             roll_rad=roll,

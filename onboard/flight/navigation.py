@@ -19,6 +19,7 @@ from autonomy.estimation.velocity_observer import VelocityObserver
 from autonomy.frames import TrueNorth
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
+from onboard.flight.depth_zero import ABOVE_MAX_M
 from onboard.flight.hardware import Readings, SetPoints
 
 FIX_HOLDS_S = 2.0
@@ -297,8 +298,9 @@ class ModelTrack:
 class Navigator:
     """Attitude filter and what tells velocity and position, stepped together at 10 Hz.
 
-    A number that is not finite is replaced by the sensor's last good one, and a fix that repeats
-    the last one to the last digit is left out: one bad message must not end a flight.
+    A number that is not finite is replaced by the sensor's last good one, a depth above the surface
+    by the surface, and a fix that repeats the last one to the last digit is left out: one bad
+    message must not end a flight.
 
     Args:
         config: Method, noise and gains that the filters assume.
@@ -359,6 +361,9 @@ class Navigator:
         """
         dt_s = self._period_s
         readings = self._in_frame(self._usable(readings))
+        if readings.depth_m < -ABOVE_MAX_M:
+            # nobody swims there: the sensor's zero is wrong, and filters would chase it
+            readings = replace(readings, depth_m=0.0)
         self._attitude.step(dt_s, _angles(readings), readings.gyro_rad_s)
         now = self._track.step(dt_s, command, time_s, self._attitude, readings)
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
