@@ -38,6 +38,8 @@ class RobotFaults:
     """From this time on no fix comes, and no time by GPS."""
     depth_off_s: float = math.inf
     """From this time on the depth sensor reads ``DEPTH_OFF_M`` too much."""
+    antenna_lost_s: float = math.inf
+    """From this time on neither radio nor satellite carries a word to it or from it."""
 
     def true(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with the rates that it really has."""
@@ -104,6 +106,12 @@ CAUSED_FAULTS: Mapping[str, FaultKind] = {
         "No position fixes",
         "no position fix comes, by GPS or by cameras",
         "position fixes come again",
+    ),
+    "antenna": FaultKind(
+        "antenna_lost_s",
+        "Lost antennas",
+        "neither radio nor satellite carries a word to or from it",
+        "radio and satellite carry its words again",
     ),
 }
 """What somebody may cause, by its name."""

@@ -100,7 +100,7 @@ async def serve(
         ExceptionGroup: If a robot or a link failed.
     """
     bodies: dict[str, SimulatedBody] = {}  # by the number of a satellite modem
-    network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
+    network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_satellite)
     desk = FaultDesk(settings.clock(), tell)
     async with (
         gateway(settings.gateway, network),

@@ -127,11 +127,21 @@ class SimulatedBody:
         return self.has_sky and self.plant.time_s < self.faults.gps_lost_s
 
     @property
+    def has_antennas(self) -> bool:
+        """Whether what it sends leaves it, if it is not under water."""
+        return self.plant.time_s < self.faults.antenna_lost_s
+
+    @property
+    def has_satellite(self) -> bool:
+        """Whether its modem can call now."""
+        return self.has_sky and self.has_antennas
+
+    @property
     def is_in_reach(self) -> bool:
         """Whether radio passes between the robot and its station now."""
         north, east, _ = self.plant.position_ned
         is_dry = self._definition.site.radio_under_water or self.has_sky
-        return is_dry and self._definition.is_in_range(north, east)
+        return is_dry and self.has_antennas and self._definition.is_in_range(north, east)
 
     @property
     def place_deg(self) -> tuple[float, float]:

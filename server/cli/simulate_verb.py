@@ -79,7 +79,7 @@ def add_world_options(parser: ArgumentParser) -> None:
         default=[],
         metavar="[ROBOT:]NAME@SECONDS",
         help="what breaks so long after a robot was switched on, by its clock: leak, pump, sensor, "
-        "optode, battery or gps; may be given again; without a robot it meets each",
+        "optode, battery, depth, gps or antenna; may be given again; without a robot it meets each",
     )
     for name, what in (
         ("loss", "radio frames that are lost"),

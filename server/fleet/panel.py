@@ -159,7 +159,8 @@ class FleetViews:
         if _speaks_by_satellite(status):
             at = self._next_call(status)
             return None if at is None else ContactView(at, f"Next session about {clock_time(at)}")
-        if status.link_state is not LinkState.SUBMERGED:
+        # One that fell silent at the surface goes on with the plan that it flies.
+        if status.link_state not in (LinkState.SUBMERGED, LinkState.STALE):
             return None
         at = status.next_surfacing()
         if at is None:

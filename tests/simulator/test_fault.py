@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -118,6 +119,33 @@ def test_a_lost_receiver_brings_no_fix_and_hears_no_satellites():
     assert lost.has_sky
     assert not lost.has_gps
     assert lost.condition()["gps_satellites"] == 0.0
+
+
+def test_a_depth_sensor_that_reads_above_the_surface_is_told_so_and_misleads_no_filter():
+    life = Life(MINI_1)
+    life.robot.body.cause("depth")
+    life.live(3.0)
+    assert life.robot.program.obey(CommandKind.ZERO_DEPTH, "") is CommandOutcome.DONE
+    life.live(10.0)
+    assert life.robot.program.state_report().position_ned[2] == pytest.approx(0.0, abs=0.02)
+    life.robot.body.mend("depth")
+    life.live(10.0)
+    assert life.robot.program.state_report().position_ned[2] == pytest.approx(-0.2, abs=0.02)
+    assert np.abs(life.estimate.velocity_ned).max() < 0.1
+    assert life.estimate.depth_m == pytest.approx(0.0, abs=0.02)
+
+
+def test_no_word_of_a_robot_without_antennas_leaves_it_though_it_lies_at_the_surface():
+    lost = body(GRACE_1, antenna_lost_s=1.0)
+    assert lost.is_in_reach
+    assert lost.has_satellite
+    lost.advance(2.0)
+    assert lost.has_gps
+    assert not lost.is_in_reach
+    assert not lost.has_satellite
+    lost.mend("antenna")
+    assert lost.is_in_reach
+    assert lost.has_satellite
 
 
 async def test_each_fault_is_told_as_it_comes_and_as_caused(tmp_path):
