@@ -42,6 +42,8 @@ _UNDECIDED_S: Final = 6.0
 """After so long a connection is given up, and it is plain that no XBee answers."""
 _TRIAL_S: Final = 2.0
 """How long to listen at each other speed."""
+_MOMENT_S: Final = 0.5
+"""A brief look goes on for so long after a robot is known: others may speak, too."""
 _KEPT_BYTES: Final = 4096
 _MESSAGES_SHOWN: Final = 6
 
@@ -136,8 +138,8 @@ class Doctor:
         Args:
             uri: The link.
             say: Takes each finding.
-            is_brief: Ask who else is in the radio's network only where nothing is heard: answers
-                take seconds.
+            is_brief: End soon after a robot is known, and ask who else is in the radio's network
+                only where nothing is heard: answers take seconds.
 
         Raises:
             ValueError: If the URI names no transport.
@@ -161,7 +163,7 @@ class Doctor:
         """Open, listen and tell.
 
         Args:
-            listen_s: How long to listen, s.
+            listen_s: How long to listen at most, s.
 
         Returns:
             Whether a robot was heard without anything that needs to be put right.
@@ -171,6 +173,8 @@ class Doctor:
             asyncio.create_task(self._listen(), name="doctor's ear"),
             asyncio.create_task(self._beat(), name="doctor's call"),
         ]
+        if self._is_brief:
+            tasks.append(asyncio.create_task(self._until_known(), name="doctor's patience"))
         try:
             await asyncio.wait(tasks, timeout=listen_s, return_when=asyncio.FIRST_COMPLETED)
             with suppress(TimeoutError):
@@ -189,6 +193,13 @@ class Doctor:
         if self._may_be_too_fast():
             await self._try_speeds(min(listen_s, _TRIAL_S))
         return is_well
+
+    async def _until_known(self) -> None:
+        """Wait until a robot has said what it is, and a moment longer."""
+        heard = self._heard
+        while not (heard.ours | heard.kinds.keys()) - {STATION_SYSTEM}:  # noqa: ASYNC110
+            await asyncio.sleep(_LOOK_S)
+        await asyncio.sleep(_MOMENT_S)
 
     async def _listen(self) -> None:
         heard = self._heard

@@ -68,7 +68,8 @@ async def examine_link(
         settings: Of the station: where its accounts with gateways are.
         listen_s: How long to listen, s.
         say: Takes each finding, a sentence, as it is made.
-        is_brief: Ask a radio who else is in its network only where nothing is heard.
+        is_brief: End soon after a robot is known, and ask a radio who else is in its network only
+            where nothing is heard.
 
     Raises:
         ValueError: If the link names none.
