@@ -4,7 +4,16 @@ import type { FieldMap, Leg } from '../api/types';
 import { colourTable, tableIndex } from './colour_map';
 import { chartOptions, padded } from './line_chart';
 import { fidelityRuns, legPoints } from './path';
-import { aloneAt, append, lastIndex, sparkDots, sparkPath, trim, withGaps } from './series';
+import {
+  aloneAt,
+  append,
+  lastIndex,
+  longestGap,
+  sparkDots,
+  sparkPath,
+  trim,
+  withGaps,
+} from './series';
 import {
   cutPositions,
   cutSlice,
@@ -142,6 +151,12 @@ describe('a series', () => {
     const series = { t: [0, 1, 2, 3, 60, 61], v: [1, 2, 3, 4, 5, 6] };
     expect(withGaps(series).v).toEqual([1, 2, 3, 4, null, 5, 6]);
     expect(withGaps({ t: [0, 10, 20, 30], v: [1, 2, 3, 4] }).v).toEqual([1, 2, 3, 4]);
+  });
+
+  test('says of its gaps how many there are and when the longest was', () => {
+    const series = { t: [0, 1, 2, 30, 31, 32, 90, 91], v: [1, 2, 3, 4, 5, 6, 7, 8] };
+    expect(longestGap(withGaps(series))).toEqual({ count: 2, from: 32, to: 90 });
+    expect(longestGap(withGaps({ t: [0, 1, 2], v: [1, 2, 3] }))).toBeNull();
   });
 
   test('of evenly rare reports says nothing of the time between them', () => {

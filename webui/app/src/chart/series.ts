@@ -36,6 +36,16 @@ export function withGaps(series: Series, asked = Infinity): Series {
   return result;
 }
 
+/** What a series with its gaps says of them: how many, and from when to when the longest lasted. */
+export function longestGap({ t, v }: Series): { count: number; from: number; to: number } | null {
+  const gaps = v.flatMap((value, i) => {
+    const [from, to] = [t[i - 1], t[i + 1]];
+    return value === null && from !== undefined && to !== undefined ? [{ from, to }] : [];
+  });
+  const longest = gaps.toSorted((a, b) => b.to - b.from - (a.to - a.from))[0];
+  return longest ? { count: gaps.length, ...longest } : null;
+}
+
 /** Where the last value is that there is; -1 where there is none. */
 export function lastIndex(values: ArrayLike<number | null | undefined> | undefined): number {
   for (let i = (values?.length ?? 0) - 1; i >= 0; i--) {
