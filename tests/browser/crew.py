@@ -17,10 +17,17 @@ def name_of(page: Page) -> str:
 
 
 @contextmanager
-def second_pilot(browser: Browser, demo: Demo, first: Page) -> Generator[Page]:
-    """Let the first, an administrator, make the pilot ben known, and let him sign in."""
+def second_pilot(
+    browser: Browser, demo: Demo, first: Page, only: str | None = None
+) -> Generator[Page]:
+    """Let the first, an administrator, make the pilot ben known, and let him sign in.
+
+    Where he pilots one robot ``only``, he looks at the others.
+    """
     csrf = first.evaluate("fetch('/api/session').then(a => a.json()).then(a => a.csrf_token)")
-    person = {"name": "ben", "role": "pilot", "password": PASSWORD}
+    person: dict[str, object] = {"name": "ben", "role": "pilot", "password": PASSWORD}
+    if only is not None:
+        person |= {"role": "viewer", "grants": [{"robot": only, "role": "pilot"}]}
     made = first.request.post(f"{demo.url}/api/people", data=person, headers={"X-CSRF-Token": csrf})
     assert made.status == 201, made.text()
     context = browser.new_context(viewport={"width": 1440, "height": 900})
