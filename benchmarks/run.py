@@ -49,6 +49,7 @@ AREAS = {
     "tracking_speed": "benchmarks.planning.tracking_speed",
     "tracking_predictive": "benchmarks.planning.tracking_predictive",
     "alarm": "benchmarks.station.alarm",
+    "flood": "benchmarks.station.flood",
     "telemetry": "benchmarks.station.telemetry",
     "radio": "benchmarks.link.radio",
     "drive": "benchmarks.link.drive",

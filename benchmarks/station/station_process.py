@@ -106,15 +106,16 @@ def viewer_token(session) -> str:
 
 
 @contextmanager
-def served(folder: Path, token: str) -> Iterator[StationProcess]:
-    """Serve a folder and wait until the station answers.
+def served(folder: Path, token: str, port: int = 0) -> Iterator[StationProcess]:
+    """Serve a folder, at a free port unless one is named, and wait until the station answers.
 
     Raises:
         NotMeasuredError: If it does not.
     """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    if not port:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
     command = [sys.executable, "-m", "server.cli", "serve", "--data", str(folder)]
     with (folder / "station.log").open("wb") as log:
         process = subprocess.Popen([*command, "--port", str(port)], stdout=log, stderr=log)
