@@ -1,0 +1,1 @@
+"""Recordings of any maker as files: identified, read, mapped and checked; pure readers."""

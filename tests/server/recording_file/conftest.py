@@ -1,0 +1,8 @@
+"""Readers need no station."""
+
+import pytest
+
+
+@pytest.fixture
+def _known_fleet():
+    """No database is made."""

@@ -1,0 +1,18 @@
+"""Reads files as an upload of them is read."""
+
+from server.recording_file.reading import read_files
+
+
+def read(folder, paths):
+    """Return the recording in some files; archives unpack into a folder below."""
+    unpacked = folder / "unpacked"
+    unpacked.mkdir(parents=True, exist_ok=True)
+    return read_files([(path.name, path) for path in paths], unpacked, lambda share: None)
+
+
+def written(folder, name, text):
+    """Write a file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
