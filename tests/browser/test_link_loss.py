@@ -1,0 +1,188 @@
+"""A robot is lost: what the page says of it meanwhile."""
+
+import re
+from collections.abc import Iterator
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.browser.figure import Journey
+from tests.browser.test_lost import vees
+from tests.browser.test_night import acknowledge_but
+from tests.browser.walk import CHROMIUM, SHOTS, browser_page, open_page
+from tests.e2e.demo import LASTING, Demo, Json
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.walk,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
+]
+ROBOT = "grace-1"
+SPEED = 10
+COLOURS = """gauge => {
+  const style = getComputedStyle(gauge.querySelector('.value'));
+  const muted = getComputedStyle(gauge.querySelector('.title')).color;
+  const watch = document.createElement('i');
+  watch.style.color = 'var(--watch)';
+  gauge.append(watch);
+  const found = {
+    isGrey: style.color === muted,
+    turned: getComputedStyle(gauge.querySelector('.age')).color === getComputedStyle(watch).color,
+  };
+  watch.remove();
+  return found;
+}"""
+"""Whether a value is grey, and whether its age has the colour of what is to be watched."""
+
+
+@pytest.fixture
+def lake(tmp_path: Path) -> Iterator[Demo]:
+    with Demo(tmp_path, "--robots", ROBOT, "--speed", str(SPEED)) as demo:
+        yield demo
+
+
+def test_a_robot_is_lost(browser: Browser, lake: Demo):
+    journey = Journey("J5")
+    with browser_page(browser, lake) as page:
+        for one in page.context.cookies():
+            lake.client.cookies.set(one.get("name", ""), one.get("value", ""))
+        lake.client.headers["X-CSRF-Token"] = lake.get("/api/session")["csrf_token"]
+        lake.patch("/api/config/planner", LASTING, robot=ROBOT)
+        flown = start_a_plan(lake)
+        open_page(page, lake, f"/robot/{ROBOT}")
+        page.get_by_text("From above", exact=True).click()
+        lake.wait("the dive", lambda: state(lake)["link"]["state"] == "submerged", 120.0)
+        lake.client.put(f"/api/demo/faults/{ROBOT}/antenna").raise_for_status()
+        lost_at = now(lake)
+
+        values_age(page, journey)
+        next_contact(page, journey)
+        first_m = ellipse_m(lake)
+        own_acts(page, flown, journey)
+        overdue(lake, page, lost_at, journey)
+        grows(lake, page, first_m, journey)
+
+
+def state(lake: Demo) -> Json:
+    return lake.get(f"/api/robots/{ROBOT}/state")
+
+
+def now(lake: Demo) -> datetime:
+    return datetime.fromisoformat(lake.get("/api/health")["clock"]["now"])
+
+
+def draft(lake: Demo) -> str:
+    """Plan until a plan fits where the robot, which drifts, is by then."""
+
+    def plan_that_fits() -> str | None:
+        body = {"kind": "primitives", "legs": vees(lake), "config": {"max_uncertainty_m": 60.0}}
+        plan = lake.post(f"/api/robots/{ROBOT}/plans", body)["id"]
+        lake.wait("a draft", lambda: lake.get(f"/api/plans/{plan}")["state"] == "draft", 120.0)
+        return plan if not lake.get(f"/api/plans/{plan}")["violations"] else None
+
+    plan = lake.wait("a plan that fits", plan_that_fits, 120.0)
+    assert plan is not None
+    return plan
+
+
+def start_a_plan(lake: Demo) -> str:
+    lake.wait("a place", lambda: state(lake)["position"] is not None, 60.0)
+    flown = draft(lake)
+    lake.post(f"/api/plans/{flown}/upload", {"start": True})
+    lake.wait("flight", lambda: lake.get(f"/api/plans/{flown}")["state"] == "running", 120.0)
+    return flown
+
+
+def gauge(page: Page, title: str) -> Locator:
+    gauges = page.get_by_role("region", name=f"Gauges of {ROBOT}")
+    return gauges.locator(".gauge").filter(has_text=title).first
+
+
+def values_age(page: Page, journey: Journey) -> None:
+    """1. Values go grey and their ages turn once the robot ought to be heard and is not."""
+    told = gauge(page, "Depth")
+    while not told.evaluate(COLOURS)["isGrey"]:
+        page.wait_for_timeout(200)
+    age = told.locator(".age")
+    first = age.inner_text()
+    expect(age).not_to_have_text(first)
+    turned = told.evaluate(COLOURS)["turned"]
+    then = f"{age.inner_text()!r}, {'' if turned else 'not '}in the colour of a watch"
+    journey.tell("1", "ages turn, values grey, not frozen", f"grey; age {first!r}, then {then}")
+
+
+def next_contact(page: Page, journey: Journey) -> None:
+    """2. A countdown, and the predicted way with its ellipse, marked as predicted."""
+    strip = page.get_by_role("region", name="Robot in hand")
+    told = strip.get_by_text(re.compile(r"^\s*next contact (in|overdue by) "))
+    expect(told).to_be_visible()
+    first = told.inner_text()
+    expect(page.locator(".map-predicted-way").first).to_be_attached()
+    expect(page.locator(".map-predicted-ellipse").first).to_be_attached()
+    expect(page.get_by_text(re.compile("predicted; heard"))).to_be_visible()
+    panel = page.get_by_role("region", name="Prediction")
+    expect(panel.get_by_text("predicted", exact=True)).to_be_visible()
+    page.screenshot(path=SHOTS / "link-loss-predicted.png")
+    expect(told).not_to_have_text(first)
+    journey.tell("2a", "countdown to the next contact", f"{first!r}, then {told.inner_text()!r}")
+
+
+def prediction(lake: Demo) -> Json:
+    return lake.get(f"/api/robots/{ROBOT}/prediction")
+
+
+def ellipse_m(lake: Demo) -> float:
+    found = lake.wait("a prediction", lambda: prediction(lake)["now"], 60.0)
+    return found["ellipse_m"][0]
+
+
+def grows(lake: Demo, page: Page, first_m: float, journey: Journey) -> None:
+    half_axes = [place["ellipse_m"][0] for place in prediction(lake)["path"]]
+    assert ellipse_m(lake) > first_m
+    assert half_axes[-1] > half_axes[0]
+    expect(page.locator(".map-predicted-ellipse").first).to_be_attached()
+    page.screenshot(path=SHOTS / "link-loss-overdue.png")
+    shrinks = min(after / before for before, after in pairwise(half_axes))
+    figure = (
+        f"{half_axes[0]:.1f} m to {half_axes[-1]:.1f} m, at the cut {first_m:.1f} m; from a place "
+        f"to the next at least {shrinks:.2f} times"
+    )
+    journey.tell("2b", "predicted track with a growing ellipse", figure)
+
+
+def own_acts(page: Page, plan: str, journey: Journey) -> None:
+    """4. What the robot does by itself, of the plan whose hash it echoed."""
+    acts = page.get_by_role("region", name="What it will do by itself")
+    expect(acts.get_by_text("It ends its mission and comes up for good")).to_be_visible()
+    expect(acts.get_by_text(f"{plan} on board").first).to_be_visible()
+    rows = acts.get_by_role("listitem")
+    first = rows.first.inner_text().replace("\n", " ")
+    journey.tell("4", "what it will do by itself", f"{rows.count()} lines; the first: {first!r}")
+
+
+def lost_alarms(lake: Demo, lost_at: datetime) -> list[Json]:
+    """Return what was raised of the robot since, but what a machine that is too slow says of it."""
+    return [one for one in alarms_since(lake, lost_at) if "clock" not in one["text"]]
+
+
+def alarms_since(lake: Demo, lost_at: datetime) -> list[Json]:
+    return [
+        one
+        for which in ("open", "closed")
+        for one in lake.get("/api/alarms", state=which)["alarms"]
+        if one["robot"] == ROBOT and datetime.fromisoformat(one["raised_at"]) >= lost_at
+    ]
+
+
+def overdue(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> None:
+    """3. One alarm; no other comes beside it."""
+    [alarm] = lake.wait("an alarm", lambda: lost_alarms(lake, lost_at), 200.0)
+    assert "was to surface at" in alarm["text"]
+    assert gauge(page, "Depth").evaluate(COLOURS)["turned"], "an age that is overdue turns"
+    acknowledge_but(lake, "was to surface at")
+    expect(page.get_by_role("alert").filter(has_text="was to surface at")).to_have_count(1)
+    journey.tell("3", "at overdue one alarm, not ten", f"one: {alarm['text']!r}")
