@@ -1,10 +1,11 @@
 """Measurements as they enter the tables: each kept once, and summed up as it is kept."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
-from sqlalchemy import Table, case, delete, func, insert, select, tuple_
+from sqlalchemy import Table, bindparam, case, delete, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
@@ -68,6 +69,40 @@ def insert_samples(session: Session, samples: Iterable[NewSample]) -> None:
     if rows:
         session.execute(insert(SampleRow), rows)
         _sum_up(session, SampleRollup, rows)
+
+
+def take_out(session: Session, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Delete measurements by their keys, and take them off the sums of their stretches of time.
+
+    The extremes of a stretch stay: whoever takes one out puts the same value in its place. Their
+    numbers stay taken.
+    """
+    if not rows:
+        return
+    of = SampleRow.__table__.c
+    names = ("robot_key", "channel_key", "measured_at", "log_key", "sequence")
+    session.connection().execute(
+        delete(cast("Table", SampleRow.__table__)).where(
+            *(of[name] == bindparam(f"of_{name}") for name in names)
+        ),
+        [{f"of_{name}": row[name] for name in names} for row in rows],
+    )
+    gone = Counter(
+        (row["robot_key"], row["channel_key"], length_s, microseconds(row["measured_at"]) // us)
+        for row in rows
+        for length_s, us in _LENGTHS
+    )
+    of = SampleRollup.__table__.c
+    keys = ("robot_key", "channel_key", "length_s", "stretch")
+    session.connection().execute(
+        update(cast("Table", SampleRollup.__table__))
+        .where(*(of[name] == bindparam(f"of_{name}") for name in keys))
+        .values(size=of.size - bindparam("gone")),
+        [
+            {**{f"of_{name}": one for name, one in zip(keys, key, strict=True)}, "gone": count}
+            for key, count in gone.items()
+        ],
+    )
 
 
 def insert_readings(session: Session, readings: Iterable[NewReading]) -> None:

@@ -70,6 +70,26 @@ class SampleRow(Base):
     """Finer than the place: a fix makes it better by little."""
 
 
+class RecoveredSample(Base):
+    """Another word on a measurement: the card's of a robot, or that of a second file.
+
+    ``sample`` keeps what came first.
+    """
+
+    __tablename__ = "recovered_sample"
+    __table_args__ = CLUSTERED
+
+    log_key: Mapped[int] = mapped_column(ForeignKey("sample_log.key"), primary_key=True)
+    sequence: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    measured_at: Mapped[datetime]
+    value: Mapped[float]
+    north_mm: Mapped[int] = mapped_column(Integer)
+    east_mm: Mapped[int] = mapped_column(Integer)
+    depth_mm: Mapped[int] = mapped_column(Integer)
+    position_std_um: Mapped[int] = mapped_column(BigInteger)
+    received_at: Mapped[datetime]
+
+
 class ReadingRow(Base):
     """One reading of what belongs to no place: the robot's own condition."""
 

@@ -18,6 +18,7 @@ from server.current.ocean_task import CurrentProposal
 from server.fleet.view import LiveRobotView
 from server.map.view import LearnedView
 from server.plan.view import LivePlanView, TransferView
+from server.recording.foreign import ImportFaults, ImportReport, RecordingProposal
 from server.recording.intake import ImportRefusal, ImportResult
 from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
@@ -29,6 +30,9 @@ from server.water.proposal import ImportProposal
 JOB_RESULTS: tuple[type[Any], ...] = (
     ImportResult,
     ImportRefusal,
+    RecordingProposal,
+    ImportReport,
+    ImportFaults,
     DetectionsImported,
     ImportProposal,
     CurrentProposal,

@@ -15,17 +15,18 @@ from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
 from autonomy.channel import ChannelCatalogue
-from db.query.fleet.deployments import DeploymentRecord
-from db.query.fleet.recordings import DeploymentExistsError, note_on_deployment
+from db.fault import StoreError
+from db.query.fleet.recordings import ImportedFile, note_on_deployment
 from db.query.fleet.robots import get_robot
 from db.query.measured.maps import MapRecord, add_map
 from db.query.station.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
+from server.base.channels import catalogue_in
 from server.base.job import JobError, JobProgress, ThreadWork
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.deployment.view import RecordedScores
-from server.recording.keep import keep_recording, positions_ned, recording_log
+from server.recording.keep import Kept, hashed, keep_recording, positions_ned, source_of
 from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
 from server.recording.table import (
     Policy,
@@ -57,6 +58,11 @@ class ImportResult(TypedDict):
     deployment: str
     robot: str
     rows: int
+    """New ones."""
+    read: int
+    """All of the file: new, duplicate, different, and left out."""
+    duplicate: int
+    differs: int
     skipped: list[BrokenRow]
     skipped_rows: int
     scores: list[RecordedScores]
@@ -106,34 +112,50 @@ async def run_import(
     def told(share: float) -> None:
         thread.report(share * READ_SHARE, "Reading the file")
 
-    recording, log = await thread.result(asyncio.to_thread(read_order, order, told))
+    recording, file = await thread.result(asyncio.to_thread(read_order, order, told))
     progress.report(READ_SHARE, f"Keeping {len(recording.time_s)} rows")
     at = clock.now()
     try:
-        deployment = await thread.result(
-            store.write(lambda s: keep_order(s, order, recording, log, at, thread.go_on))
+        kept = await thread.result(
+            store.write(lambda s: keep_order(s, order, recording, file, at, thread.go_on))
         )
-    except DeploymentExistsError as error:
+    except StoreError as error:
         raise JobError(str(error)) from error
+    outcomes = await learn_maps(
+        store, clock, progress, robot=order.robot, kept=kept, recording=recording
+    )
+    left_out = len(recording.skipped)
+    progress.report(1.0, f"Imported {kept.new} rows as {kept.deployment.id}; {left_out} left out")
+    return import_result(kept, recording, outcomes)
+
+
+async def learn_maps(
+    store: Store,
+    clock: Clock,
+    progress: JobProgress,
+    *,
+    robot: str,
+    kept: Kept,
+    recording: Recording,
+) -> Outcomes:
+    """Learn the maps of a recording that is kept, and keep them."""
     progress.report(KEPT_SHARE, "Learning the maps")
-    problem = await store.query(lambda session: fit_problem(session, order, recording))
+    problem = await store.query(lambda session: fit_problem(session, robot, recording))
     outcomes = await _fit_in_worker(problem, progress)
     at = clock.now()
-    await store.write(lambda s: keep_maps(s, order.robot, deployment.id, outcomes, at))
-    left_out = len(recording.skipped)
-    progress.report(1.0, f"Imported {deployment.rows} rows as {deployment.id}; {left_out} left out")
-    return import_result(deployment, recording, outcomes)
+    await store.write(lambda s: keep_maps(s, robot, kept.deployment.id, outcomes, at))
+    return outcomes
 
 
-def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, int]:
-    """Read the file and return its rows and the number that names its content.
+def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, ImportedFile]:
+    """Read the file and return its rows, and its name with the hash of its content.
 
     Raises:
         JobError: If the file was refused; the result names each broken row.
     """
     try:
-        log = recording_log(order.file)
-        return _recording(order, on_progress), log
+        file = hashed(order.file, order.title)
+        return _recording(order, on_progress), file
     except RecordingError as error:
         raise JobError(str(error), ImportRefusal(errors=fault_documents(error.faults))) from error
 
@@ -146,32 +168,25 @@ def keep_order(
     session: Session,
     order: ImportOrder,
     recording: Recording,
-    log: int,
+    file: ImportedFile,
     at: datetime,
     go_on: Callable[[], None] = lambda: None,
-) -> DeploymentRecord:
+) -> Kept:
     """Keep the rows, all of them or none.
 
     Raises:
         DeploymentExistsError: If this very file is there already.
         WorkStoppedError: If ``go_on`` says so.
     """
-    return keep_recording(
-        session,
-        order.robot,
-        recording,
-        title=order.title,
-        log=log,
-        at=at,
-        by=order.by,
-        go_on=go_on,
-    )
+    source = source_of(order.title, (file,))
+    return keep_recording(session, order.robot, recording, source, at=at, by=order.by, go_on=go_on)
 
 
-def fit_problem(session: Session, order: ImportOrder, recording: Recording) -> FitProblem:
+def fit_problem(session: Session, robot: str, recording: Recording) -> FitProblem:
     """Return what the maps' fit needs of a recording that is kept."""
-    points = positions_ned(get_robot(session, order.robot).site, recording)
-    channels = {key: order.channels[key] for key in recording.values}
+    points = positions_ned(get_robot(session, robot).site, recording)
+    known = catalogue_in(session)
+    channels = {key: known[key] for key in recording.values}
     mapped = {key: values for key, values in recording.values.items() if channels[key].can_map}
     return FitProblem(np.ascontiguousarray(points), mapped, channels)
 
@@ -194,7 +209,7 @@ def keep_maps(
                     grid=fitted.grid,
                 ),
             )
-    note_on_deployment(session, deployment, {"scores": _scores(outcomes)})
+    note_on_deployment(session, deployment, {"scores": scores_of(outcomes)})
     add_event(
         session,
         at,
@@ -205,23 +220,29 @@ def keep_maps(
     )
 
 
-def import_result(
-    deployment: DeploymentRecord, recording: Recording, outcomes: Outcomes
-) -> ImportResult:
+def import_result(kept: Kept, recording: Recording, outcomes: Outcomes) -> ImportResult:
     """Return what came of an import."""
     return {
-        "deployment": deployment.id,
-        "robot": deployment.robot,
-        "rows": deployment.rows,
+        "deployment": kept.deployment.id,
+        "robot": kept.deployment.robot,
+        "rows": kept.new,
+        "read": len(recording.time_s) + len(recording.skipped),
+        "duplicate": kept.duplicate,
+        "differs": kept.differs,
         "skipped": fault_documents(recording.skipped),
         "skipped_rows": len(recording.skipped),
-        "scores": _scores(outcomes),
-        "without_map": [
-            {"variable": failure.variable, "reason": failure.reason}
-            for failure in outcomes
-            if isinstance(failure, FitFailure)
-        ],
+        "scores": scores_of(outcomes),
+        "without_map": without_map(outcomes),
     }
+
+
+def without_map(outcomes: Outcomes) -> list[WithoutMap]:
+    """Return the variables of which no map could be made."""
+    return [
+        {"variable": failure.variable, "reason": failure.reason}
+        for failure in outcomes
+        if isinstance(failure, FitFailure)
+    ]
 
 
 def fit_share(share: float) -> float:
@@ -234,7 +255,8 @@ def fault_documents(faults: Sequence[RowFault]) -> list[BrokenRow]:
     return [{"line": fault.line, "reason": fault.reason} for fault in faults[:SHOWN_FAULTS]]
 
 
-def _scores(outcomes: Outcomes) -> list[RecordedScores]:
+def scores_of(outcomes: Outcomes) -> list[RecordedScores]:
+    """Return what the maps were worth on data that was held out."""
     return [
         RecordedScores(variable=fitted.variable, **fitted.document["scores"])
         for fitted in outcomes

@@ -1,10 +1,10 @@
 """Puts a recording into the station's memory: its robot, its rows, its deployment."""
 
 import hashlib
-import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -12,13 +12,23 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import FloatArray
 from autonomy.frames import ned_from_wgs84
 from autonomy.site import Box, Site
-from db.fault import UnknownIdError
-from db.query.fleet.deployments import DeploymentRecord
-from db.query.fleet.recordings import RecordedRow, add_recording
-from db.query.fleet.robots import RobotRecord, add_robot, change_robot, get_robot
+from db.column import microseconds
+from db.fault import StoreError, UnknownIdError
+from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.query.fleet.recordings import (
+    DeploymentExistsError,
+    ImportedFile,
+    add_recorded_deployment,
+    extend_deployment,
+    overlapping_deployment,
+    refuse_closed,
+    refuse_known,
+)
+from db.query.fleet.robots import RobotRecord, add_robot, change_robot, get_robot, robot_key
 from db.query.station.events import add_event
 from robot_link.messages import RobotId
 from server.base.channels import catalogue_in
+from server.recording.merge import Merge, keep, merge
 from server.recording.table import Recording
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -30,72 +40,178 @@ def _go_on() -> None:
     return None
 
 
-def recording_log(file: IO[bytes]) -> int:
-    """Return the number that names a file's content among a robot's sample logs.
+class ForeignMarkError(StoreError):
+    """The files say that their robot does not exist, and the station has one that does."""
 
-    It comes from the content, so that the same file imported twice is recognized.
-    """
+
+def hashed(file: IO[bytes], name: str) -> ImportedFile:
+    """Return a file with the hash of its content, by which it is recognized again."""
     file.seek(0)
     digest = hashlib.sha256()
     while block := file.read(_BLOCK_BYTES):
         digest.update(block)
     file.seek(0)
-    return int.from_bytes(digest.digest()[:8]) >> 1
+    return ImportedFile(name, digest.hexdigest())
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a recording comes from."""
+
+    title: str
+    files: tuple[ImportedFile, ...]
+    log: int
+    """Names the files' content among the robot's sample logs."""
+    is_simulated: bool = False
+    into: str = ""
+    """Id of the deployment that the rows belong to, "" to go by their time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What became of a recording."""
+
+    deployment: DeploymentRecord
+    new: int
+    duplicate: int
+    differs: int
+
+
+def source_of(title: str, hashes: Sequence[ImportedFile], **more: Any) -> Source:  # noqa: ANN401 - fields of a source
+    """Return the source of files that were hashed; one file is named as it always was."""
+    digests = sorted(one.sha256 for one in hashes)
+    joined = (
+        digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+    )
+    return Source(title, tuple(hashes), int(joined[:16], 16) >> 1, **more)
 
 
 def keep_recording(
     session: Session,
     robot: str,
     recording: Recording,
+    source: Source,
     *,
-    title: str,
-    log: int,
     at: datetime,
     by: str,
     go_on: Callable[[], None] = _go_on,
-) -> DeploymentRecord:
+) -> Kept:
     """Keep a recording, all of it or nothing, in the caller's transaction.
 
-    A robot that is not known is created as ``recorded``, with a site around the track whose origin
-    is the track's centre; the site of a recorded robot grows around further recordings.
+    A robot that is not known is created as ``recorded``, or as ``simulated`` where the files are
+    marked so, with a site around the track whose origin is the track's centre; the site of a robot
+    of recordings grows around further ones. Rows that are kept already are not kept again. What is
+    new joins the deployment that it is said to belong to, or that has a part of its time; else it
+    becomes one of its own.
 
     Raises:
-        DeploymentExistsError: If this very file is there already.
-        WorkStoppedError: If ``go_on``, which is called before every row, says so.
+        DeploymentExistsError: If these very files are there already.
+        DeploymentClosedError: If the deployment takes no more rows.
+        ForeignMarkError: If the files are marked SIMULATION, and the robot is not.
+        WorkStoppedError: If ``go_on``, which is called between two blocks, says so.
     """
     variables = tuple(recording.values)
     known = catalogue_in(session)
     mapped = next(key for key in (*variables, *known) if known[key].can_map)
-    record = _robot(session, robot, recording, mapped, at)
+    record = _robot(session, robot, recording, mapped, at, is_simulated=source.is_simulated)
+    if source.is_simulated and not record.simulated:
+        raise ForeignMarkError(
+            f"{source.title} is marked SIMULATION, and {robot} is a robot that exists; "
+            "choose another name."
+        )
+    refuse_known(session, robot, source.log, source.files)
     positions = positions_ned(record.site, recording)
-    if record.kind == "recorded":
+    if record.system_id is None and not record.links and record.water is None:
         water = _union(record.site.water, _box_around(positions))
         site = record.site.model_copy(update={"water": water, "domain": water})
         change_robot(session, robot, site=site.model_dump())
-    deployment = add_recording(
-        session,
-        robot,
-        _rows(recording, positions, go_on),
-        title=title,
-        log=log,
-        variables=variables,
-        document={
-            "source": title,
-            "skipped": [{"line": f.line, "reason": f.reason} for f in recording.skipped[:1000]],
-            "skipped_rows": len(recording.skipped),
-        },
-        at=at,
-    )
+    merged = merge(session, robot_key(session, robot), recording, positions)
+    target = _target(session, robot, recording, source)
+    if target is None and not merged.changes:
+        raise DeploymentExistsError(
+            f"Every row of {source.title} is kept already, in another deployment of {robot}."
+        )
+    kept = Kept(_joined(session, robot, target, recording, source, merged, at, by), **merged.counts)
+    if merged.changes or merged.counts["differs"]:
+        log = source.log if kept.deployment.log is None else kept.deployment.log
+        keep(session, robot_key(session, robot), log, merged, microseconds(at), go_on)
     add_event(
         session,
         at,
         "deployment.imported",
-        f"{by} imported {title}: {deployment.rows} rows of {robot}, "
-        f"{len(recording.skipped)} left out.",
+        f"{by} imported {source.title}: {kept.new} new rows of {robot}, {kept.duplicate} known, "
+        f"{kept.differs} different, {len(recording.skipped)} left out.",
         robot=robot,
-        data={"deployment": deployment.id},
+        data={"deployment": kept.deployment.id},
     )
-    return deployment
+    return kept
+
+
+def _target(
+    session: Session, robot: str, recording: Recording, source: Source
+) -> DeploymentRecord | None:
+    if source.into:
+        target = get_deployment(session, source.into)
+        if target.robot != robot or target.void_reason or target.started_at is None:
+            raise UnknownIdError("deployment", f"{source.into} of {robot} that has begun")
+    else:
+        first, last = (_moment(recording.time_s[place]) for place in (0, -1))
+        target = overlapping_deployment(session, robot, first, last)
+    return target
+
+
+def _joined(
+    session: Session,
+    robot: str,
+    target: DeploymentRecord | None,
+    recording: Recording,
+    source: Source,
+    merged: Merge,
+    at: datetime,
+    by: str,
+) -> DeploymentRecord:
+    """Return the deployment that the rows belong to, which knows of the import."""
+    first, last = (_moment(recording.time_s[place]) for place in (0, -1))
+    variables = tuple(key for key, values in recording.values.items() if np.isfinite(values).any())
+    imported = {
+        "files": [{"name": one.name, "sha256": one.sha256} for one in source.files],
+        "at": at.isoformat(),
+        "by": by,
+        **merged.counts,
+        "faults": len(recording.skipped),
+    }
+    if target is not None:
+        if merged.changes:
+            refuse_closed(session, target)
+        return extend_deployment(
+            session,
+            target.id,
+            variables=variables,
+            imported=imported,
+            rows=merged.counts["new"],
+            first=first,
+            last=last,
+        )
+    return add_recorded_deployment(
+        session,
+        robot,
+        title=source.title,
+        log=source.log,
+        variables=variables,
+        document={
+            "source": source.title,
+            "skipped": [{"line": f.line, "reason": f.reason} for f in recording.skipped[:1000]],
+            "skipped_rows": len(recording.skipped),
+            "imports": [imported],
+        },
+        rows=merged.counts["new"],
+        first=first,
+        last=last,
+    )
+
+
+def _moment(time_s: float) -> datetime:
+    return _EPOCH + timedelta(seconds=float(time_s))
 
 
 def positions_ned(site: Site, recording: Recording) -> FloatArray:
@@ -110,7 +226,13 @@ def positions_ned(site: Site, recording: Recording) -> FloatArray:
 
 
 def _robot(
-    session: Session, robot: str, recording: Recording, variable: str, at: datetime
+    session: Session,
+    robot: str,
+    recording: Recording,
+    variable: str,
+    at: datetime,
+    *,
+    is_simulated: bool,
 ) -> RobotRecord:
     try:
         return get_robot(session, robot)
@@ -131,7 +253,7 @@ def _robot(
         id=RobotId(robot),
         name=robot,
         model="",
-        kind="recorded",
+        kind="simulated" if is_simulated else "recorded",
         system_id=None,
         links=(),
         site=site,
@@ -139,29 +261,6 @@ def _robot(
     )
     add_robot(session, record)
     return record
-
-
-def _rows(
-    recording: Recording, positions: FloatArray, go_on: Callable[[], None]
-) -> Generator[RecordedRow]:
-    values = _rows_of(recording.values, len(positions))
-    flight = _rows_of(recording.flight, len(positions))
-    for time_s, position, row, flown in zip(
-        recording.time_s.tolist(), positions.tolist(), values, flight, strict=True
-    ):
-        go_on()
-        north_m, east_m, depth_m = position
-        told = zip(recording.flight, flown, strict=True)
-        yield RecordedRow(
-            _EPOCH + timedelta(seconds=time_s),
-            (north_m, east_m, depth_m),
-            row,
-            {name: value for name, value in told if math.isfinite(value)},
-        )
-
-
-def _rows_of(columns: Mapping[str, FloatArray], count: int) -> list[list[float]]:
-    return np.array(list(columns.values()), dtype=np.float64).reshape(-1, count).T.tolist()
 
 
 def _centre(values: FloatArray) -> float:

@@ -24,7 +24,7 @@ class FitProblem:
     points: FloatArray
     """NED, shape ``(n, 3)``, m."""
     values: dict[str, FloatArray]
-    """By variable, each of shape ``(n,)``."""
+    """By variable, each of shape ``(n,)``; NaN where a row does not tell."""
     channels: dict[str, Channel]
     """What they are."""
 
@@ -63,7 +63,8 @@ def run(
         title = channel.title.lower()
         report((index / len(problem.values), f"Learning the map of {title}"))
         try:
-            outcomes.append(_fitted(channel, problem.points, values))
+            told = np.isfinite(values)
+            outcomes.append(_fitted(channel, problem.points[told], values[told]))
         except ValueError as error:
             outcomes.append(FitFailure(variable, str(error)))
     return outcomes

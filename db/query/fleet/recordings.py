@@ -1,85 +1,105 @@
-"""Imported recordings: a deployment of its own, with all of its rows."""
+"""Imported recordings: deployments that have their rows from files."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
-from itertools import islice
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
+from db.delivery_tables import DeliveryFileRow
 from db.fault import StoreError
 from db.identity import public_id
-from db.ingest import insert_new
 from db.query.change import row_of
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.fleet.robots import get_robot, robot_key
-from db.sample_ingest import NewSample, insert_samples
-from db.tables import Deployment, StateRow
-from robot_link.messages import STATE
+from db.tables import Deployment
 
-BATCH_ROWS = 5_000
-_FLIGHT = tuple(channel.key for channel in STATE.channels if channel.recorded is not None)
+_OPEN = ("in_water", "recovered")
 
 
 class DeploymentExistsError(StoreError):
     """This very recording is there already; the sentence names it."""
 
 
+class DeploymentClosedError(StoreError):
+    """The deployment that the rows belong to was signed, or a file was written of it."""
+
+
 @dataclass(frozen=True, slots=True)
-class RecordedRow:
-    """One row of a recording in the robot's local frame."""
+class ImportedFile:
+    """A file that came in."""
 
-    measured_at: datetime
-    position_ned: tuple[float, float, float]
-    values: Sequence[float]
-    """In the order of the deployment's variables."""
-    flight: Mapping[str, float] = field(default_factory=dict[str, float])
-    """How the vehicle flew, by the names of channels, as far as the row tells."""
+    name: str
+    sha256: str
 
 
-def add_recording(
-    session: Session,
-    robot: str,
-    rows: Iterable[RecordedRow],
-    *,
-    title: str,
-    log: int,
-    variables: Sequence[str],
-    document: Mapping[str, Any],
-    at: datetime,
-) -> DeploymentRecord:
-    """Add a recorded deployment with all of its rows, in the transaction of the caller.
-
-    Rows of a moment of which the robot has a state already add their samples only.
-
-    Args:
-        session: A session of a change.
-        robot: Whose recording it is.
-        rows: In order of time; taken one after another.
-        title: What operators call it.
-        log: Names the recording among the robot's sample logs.
-        variables: Keys of the variables of each row.
-        document: What else is known of it.
-        at: When it arrived.
+def refuse_known(session: Session, robot: str, log: int, files: Sequence[ImportedFile]) -> None:
+    """Refuse files that are all kept already.
 
     Raises:
-        UnknownIdError: If there is no such robot.
-        DeploymentExistsError: If the robot has this log already.
-        ValueError: If there is no row.
+        DeploymentExistsError: With the deployment that has them.
     """
     key = robot_key(session, robot)
     present = session.scalar(
         select(Deployment.key).where(Deployment.robot_key == key, Deployment.log == log)
     )
+    if present is None:
+        wanted = {one.sha256 for one in files}
+        statement = select(Deployment).where(
+            Deployment.robot_key == key, Deployment.void_reason == ""
+        )
+        for row in session.scalars(statement):
+            wanted -= {
+                file["sha256"] for one in row.document.get("imports", ()) for file in one["files"]
+            }
+            if not wanted:
+                present = row.key
+                break
     if present is not None:
         raise DeploymentExistsError(
             f"This recording is there already, as {public_id('deployment', present)} of {robot}."
         )
-    kept = _keep_rows(session, key, log, variables, rows, at)
+
+
+def overlapping_deployment(
+    session: Session, robot: str, first: datetime, last: datetime
+) -> DeploymentRecord | None:
+    """Return the newest deployment of a robot that has a part of a stretch of time."""
+    found = session.scalar(
+        select(Deployment.key)
+        .where(
+            Deployment.robot_key == robot_key(session, robot),
+            Deployment.void_reason == "",
+            Deployment.started_at <= last,
+            or_(Deployment.ended_at.is_(None), Deployment.ended_at >= first),
+        )
+        .order_by(Deployment.key.desc())
+        .limit(1)
+    )
+    return None if found is None else get_deployment(session, public_id("deployment", found))
+
+
+def add_recorded_deployment(
+    session: Session,
+    robot: str,
+    *,
+    title: str,
+    log: int,
+    variables: Sequence[str],
+    document: Mapping[str, Any],
+    rows: int,
+    first: datetime,
+    last: datetime,
+) -> DeploymentRecord:
+    """Add a deployment whose samples are those of a log.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
     deployment = Deployment(
-        robot_key=key,
+        robot_key=robot_key(session, robot),
         kind="recorded",
         state="recovered",
         title=title,
@@ -88,15 +108,62 @@ def add_recording(
         site=get_robot(session, robot).site.model_dump(mode="json"),
         void_reason="",
         log=log,
-        started_at=kept.first,
-        ended_at=kept.last,
-        rows=kept.count,
+        started_at=first,
+        ended_at=last,
+        rows=rows,
         variables=list(variables),
         document=dict(document),
     )
     session.add(deployment)
     session.flush()
     return get_deployment(session, public_id("deployment", deployment.key))
+
+
+def refuse_closed(session: Session, deployment: DeploymentRecord) -> None:
+    """Refuse a deployment that takes no more rows.
+
+    Raises:
+        DeploymentClosedError: If it was reviewed, or a file was written of it.
+    """
+    if deployment.state not in _OPEN:
+        raise DeploymentClosedError(
+            f"{deployment.id} is {deployment.state}; reopen it, then import into it."
+        )
+    key = row_of(session, Deployment, "deployment", deployment.id).key
+    written = select(DeliveryFileRow.key).where(DeliveryFileRow.deployment_key == key).limit(1)
+    if deployment.kind == "recorded" and session.scalar(written) is not None:
+        raise DeploymentClosedError(
+            f"A file was written of {deployment.id}, whose times stay; it takes no more rows."
+        )
+
+
+def extend_deployment(
+    session: Session,
+    deployment: str,
+    *,
+    variables: Sequence[str],
+    imported: Mapping[str, Any],
+    rows: int,
+    first: datetime,
+    last: datetime,
+) -> DeploymentRecord:
+    """Note that further rows belong to a deployment; of a recorded one the times grow.
+
+    Raises:
+        UnknownIdError: If there is no such deployment.
+    """
+    row = row_of(session, Deployment, "deployment", deployment)
+    imports = [*row.document.get("imports", ()), dict(imported)]
+    row.document = {**row.document, "imports": imports}
+    if row.kind == "recorded":
+        row.started_at = min(first, row.started_at or first)
+        row.ended_at = max(last, row.ended_at or last)
+        row.rows += rows
+        row.variables = [*row.variables, *(key for key in variables if key not in row.variables)]
+        robot = get_deployment(session, deployment).robot
+        row.site = get_robot(session, robot).site.model_dump(mode="json")
+    session.flush()
+    return get_deployment(session, deployment)
 
 
 def note_on_deployment(session: Session, deployment: str, document: Mapping[str, Any]) -> None:
@@ -107,73 +174,3 @@ def note_on_deployment(session: Session, deployment: str, document: Mapping[str,
     """
     row = row_of(session, Deployment, "deployment", deployment)
     row.document = {**row.document, **document}
-
-
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """Rows of a recording that were kept."""
-
-    count: int
-    first: datetime
-    last: datetime
-
-
-def _keep_rows(
-    session: Session,
-    key: int,
-    log: int,
-    variables: Sequence[str],
-    rows: Iterable[RecordedRow],
-    at: datetime,
-) -> _Kept:
-    count, first, last = 0, None, None
-    remaining = iter(rows)
-    while batch := list(islice(remaining, BATCH_ROWS)):
-        first, last = first or batch[0].measured_at, batch[-1].measured_at
-        insert_new(session, StateRow, [_state(key, row, at) for row in batch])
-        if variables:
-            insert_samples(session, _samples(key, log, variables, batch, count, at))
-        count += len(batch)
-    if first is None or last is None:
-        raise ValueError("a recording needs a row")
-    return _Kept(count, first, last)
-
-
-def _state(key: int, row: RecordedRow, received_at: datetime) -> dict[str, Any]:
-    north_m, east_m, depth_m = row.position_ned
-    return {
-        "robot_key": key,
-        "measured_at": row.measured_at,
-        "received_at": received_at,
-        "north_m": north_m,
-        "east_m": east_m,
-        "depth_m": depth_m,
-        **{name: row.flight.get(name) for name in _FLIGHT},
-        "position_std_m": row.flight.get("position_std_m", 0.0),
-        "has_fix": "position_std_m" in row.flight,
-    }
-
-
-def _samples(
-    key: int,
-    log: int,
-    variables: Sequence[str],
-    batch: Sequence[RecordedRow],
-    offset: int,
-    received_at: datetime,
-) -> list[NewSample]:
-    return [
-        NewSample(
-            robot_key=key,
-            log=log,
-            sequence=index * len(variables) + column,
-            channel=variable,
-            measured_at=row.measured_at,
-            received_at=received_at,
-            value=value,
-            position_ned=row.position_ned,
-            position_std_m=0.0,
-        )
-        for index, row in enumerate(batch, start=offset)
-        for column, (variable, value) in enumerate(zip(variables, row.values, strict=True))
-    ]

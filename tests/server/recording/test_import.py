@@ -14,6 +14,7 @@ from sqlalchemy import event as sqlalchemy_event
 
 from autonomy.channel import CHANNELS
 from db.query.fleet.robots import add_robot, get_robot
+from db.query.measured import imported
 from db.query.measured.maps import newest_maps
 from db.query.measured.telemetry import history, newest_state, track
 from server.recording import keep, table
@@ -289,9 +290,16 @@ async def test_an_import_that_is_cancelled_stops_and_keeps_nothing(app, pilot, m
                 let_go.wait(60)
             yield item
 
-    room, name = {"reading": (table, "_lines"), "keeping": (keep, "_rows")}[step]
-    original = getattr(room, name)
-    monkeypatch.setattr(room, name, lambda *more: slowly(original(*more)))
+    def held(*more):
+        begun.set()
+        let_go.wait(60)
+        insert_samples(*more)
+
+    lines, insert_samples = table._lines, imported.insert_samples
+    if step == "reading":
+        monkeypatch.setattr(table, "_lines", lambda *more: slowly(lines(*more)))
+    else:
+        monkeypatch.setattr(imported, "insert_samples", held)
     answer = await pilot.post(
         "/api/imports",
         data={"robot": "eva"},

@@ -13,6 +13,7 @@ import { LogBookApi } from './log_book';
 import { NoticeApi } from './notice';
 import { noAnswer, problemOf } from './problem';
 import { SetupApi } from './setup';
+import { RecordingApi } from './recording';
 import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
 import type { ConfigDocument, JsonObject, SceneChange, ScheduleWish, SendWish } from './types';
@@ -89,6 +90,7 @@ export class Api {
   readonly alarm = new AlarmApi(this.#http);
   readonly water = new WaterApi(this.#http);
   readonly outlook = new OutlookApi(this.#http);
+  readonly recording = new RecordingApi(this.#http);
   readonly tag = new TagApi(this.#http);
   readonly vehicle = new VehicleApi(this.#http);
   readonly logBook = new LogBookApi(this.#http, () => this.csrf);
@@ -377,15 +379,6 @@ export class Api {
     told(this.#http.GET('/api/events', { params: { query } }));
 
   deployments = () => this.setup.deployments();
-
-  importFile(file: File, robot: string, policy: 'skip' | 'refuse'): Promise<{ id: string }> {
-    const form = new FormData();
-    form.set('file', file);
-    form.set('robot', robot);
-    form.set('policy', policy);
-    const body = { file: file.name, robot, policy };
-    return told(this.#http.POST('/api/imports', { body, bodySerializer: () => form }));
-  }
 
   job = (job: string) => told(this.#http.GET('/api/jobs/{job}', of({ job })));
   cancelJob = (job: string) => done(this.#http.DELETE('/api/jobs/{job}', of({ job })));

@@ -1,6 +1,7 @@
 /** Names by which the app calls what the station's OpenAPI document describes. */
 
 import type {
+  ColumnMapping,
   IdentificationResult,
   TrimAdviceView,
   WhatIfSummaryView,
@@ -62,6 +63,10 @@ export type {
   ContactWindowView as Contact,
   BoxOutput as Box,
   BrokenRow as RowFault,
+  ColumnMapping as MappedColumn,
+  FaultDocument as FileFault,
+  Mapping as RecordingMapping,
+  RecordingProposal,
   DetectionsView as Detections,
   RestingView as Resting,
   TagTrackView as TagTrack,
@@ -168,6 +173,7 @@ export type Grid<T = number> = readonly (readonly (T | null)[])[];
 export type AlarmLevel = AlarmView['level'];
 export type LeaseAct = LeaseChange['act'];
 export type CommandKind = CommandRequest['kind'];
+export type ColumnRole = ColumnMapping['role'];
 export type CommandLevelName = CommandView['level'];
 export type LinkKind = RobotLinkView['kind'];
 export type PartLevel = TransferPartView['level'];

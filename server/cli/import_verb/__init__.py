@@ -1,4 +1,4 @@
-"""``grace import``: a recorded deployment from CSV."""
+"""``grace import``: a recorded deployment from files of any maker."""
 
 import re
 import time
@@ -14,26 +14,39 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from db.query.fleet.recordings import DeploymentExistsError
 from server.base.channels import catalogue_in
 from server.base.job import JobError
-from server.cli.data import checked, clock_of, open_remote, open_store, settings_of
+from server.cli.data import POLL_PERIOD_S, checked, clock_of, open_remote, open_store, settings_of
 from server.cli.data_folder import DataFolderError, DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
+from server.cli.import_verb.foreign import run_foreign
 from server.cli.option import add_data_option, add_remote_options
 from server.recording import intake
 from server.recording.map_fit import run as fit_maps
 from server.recording.robot_id import ROBOT_ID
 from server.recording.table import FLIGHT_COLUMNS, Policy
 
-POLL_PERIOD_S = 0.3
-
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the options of the verb."""
     parser.add_argument(
-        "file",
+        "files",
         type=Path,
-        help="CSV: time,latitude,longitude,depth and then variables; with "
+        nargs="+",
+        metavar="FILE",
+        help="CSV of time,latitude,longitude,depth and then variables; with "
         f"{', '.join(FLIGHT_COLUMNS)} it can be identified (an empty cell of these says that the "
-        "row does not tell; a position_std_m makes its position a fix)",
+        "row does not tell; a position_std_m makes its position a fix). With --propose or "
+        "--mapping also tables with any columns, Seaglider and OG1 NetCDF, Slocum files with "
+        "their cache files, and ZIP archives of them",
+    )
+    parser.add_argument(
+        "--propose",
+        action="store_true",
+        help="print what the columns would become, as JSON to edit for --mapping; import nothing",
+    )
+    parser.add_argument(
+        "--mapping",
+        metavar="JSON",
+        help="a file of what the columns become, or - to take what --propose prints as it is",
     )
     parser.add_argument("--robot", required=True, metavar="NAME", help="created if not known")
     parser.add_argument(
@@ -51,6 +64,11 @@ def run(arguments: Namespace) -> int:
     """Import into a data folder that no station uses, or through the station at ``--url``."""
     if not re.fullmatch(ROBOT_ID, arguments.robot):
         raise CommandError("--robot: lower-case letters, digits and dashes, please.", status=2)
+    if arguments.propose or arguments.mapping:
+        return run_foreign(arguments)
+    if len(arguments.files) > 1:
+        raise CommandError("Several files need --mapping; --propose prints one.", status=2)
+    (arguments.file,) = arguments.files
     console = Console(stderr=True)
     try:
         with Progress(
@@ -98,16 +116,16 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
                 by="command line",
                 channels=channels,
             )
-            recording, log = intake.read_order(
+            recording, read = intake.read_order(
                 order, lambda share: bar.report(share * intake.READ_SHARE, "Reading the file")
             )
             bar.report(intake.READ_SHARE, "Keeping the rows")
             at = clock.now()
-            deployment = store.change(
-                lambda session: intake.keep_order(session, order, recording, log, at)
+            kept = store.change(
+                lambda session: intake.keep_order(session, order, recording, read, at)
             ).result()
             with store.read() as session:
-                problem = intake.fit_problem(session, order, recording)
+                problem = intake.fit_problem(session, order.robot, recording)
             outcomes = fit_maps(
                 problem,
                 lambda news: bar.report(intake.fit_share(news[0]), news[1]),
@@ -115,7 +133,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
             )
             store.change(
                 lambda session: intake.keep_maps(
-                    session, order.robot, deployment.id, outcomes, clock.now()
+                    session, order.robot, kept.deployment.id, outcomes, clock.now()
                 )
             ).result()
     except DataFolderTakenError as error:
@@ -123,7 +141,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
     except (DataFolderError, DeploymentExistsError) as error:
         raise CommandError(str(error)) from error
     bar.report(1.0, "Imported")
-    return intake.import_result(deployment, recording, outcomes)
+    return intake.import_result(kept, recording, outcomes)
 
 
 def _by_station(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:

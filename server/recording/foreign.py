@@ -1,0 +1,360 @@
+"""Recordings of any maker come in: a mapping is proposed, confirmed, and all is kept or nothing.
+
+read -> proposed -> confirmed -> converted -> held against what is kept -> kept -> maps
+"""
+
+import asyncio
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final, cast
+
+import numpy as np
+from sqlalchemy.orm import Session
+from typing_extensions import TypedDict
+
+from db.fault import StoreError, UnknownIdError
+from db.query.fleet.recordings import ImportedFile, refuse_known
+from db.query.measured.quality import add_manual_flag
+from db.query.station.settings import get_setting, put_setting
+from db.store import Store
+from robot_link.clock import Clock
+from server.base.job import JobError, JobProgress, ThreadWork
+from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.deployment.view import RecordedScores
+from server.recording.foreign_task import CONVERT, PROPOSE, ReadOrder
+from server.recording.intake import (
+    SHOWN_FAULTS,
+    Outcomes,
+    WithoutMap,
+    learn_maps,
+    scores_of,
+    without_map,
+)
+from server.recording.keep import Kept, Source, hashed, keep_recording, source_of
+from server.recording.table import Policy, Recording, RowFault
+from server.recording.upload import forget_upload
+from server.recording_file.conversion import Converted
+from server.recording_file.mapping import Mapping
+from server.recording_file.raw import FileFault, FlagArray
+
+FOLDER: Final = "imports"
+"""Of the data folder."""
+TEMPLATES: Final = "import_templates"
+_FLAGGED: Final = (2, 3, 4)
+_STRETCHES_MAX: Final = 1000
+"""So many stretches of flags of a channel are taken over from files."""
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_CONVERTED_SHARE: Final = 0.25
+
+
+class FaultDocument(TypedDict):
+    """What cannot be used of a file."""
+
+    place: str
+    """Line, record, variable or column."""
+    reason: str
+
+
+class ProposedColumn(TypedDict):
+    """A column of a file, and what it is taken for."""
+
+    name: str
+    is_text: bool
+    role: str
+    target: str
+    unit: str
+    cells: list[str]
+    """Of the first rows."""
+
+
+class OpenQuestion(TypedDict):
+    """What the file leaves open and a person has to say."""
+
+    field: str
+    """Of the mapping."""
+    text: str
+
+
+class RecordingProposal(TypedDict):
+    """What was read of an upload; nothing of it is kept yet."""
+
+    upload: str
+    """Names it where it is confirmed, within a week."""
+    format: str
+    files: list[str]
+    rows: int
+    faults: int
+    """Rows that cannot be read at all."""
+    mapping: dict[str, Any]
+    columns: list[ProposedColumn]
+    questions: list[OpenQuestion]
+    missing: list[FaultDocument]
+    """What keeps the mapping from being followed as it is."""
+    notes: list[str]
+    flight: list[str]
+    """Keys that a column of the role ``flight`` may have."""
+    template: str
+    """The kept mapping that was proposed, "" for a guess."""
+    is_simulated: bool
+
+
+class ImportReport(TypedDict):
+    """What came of an import; the four kinds of rows sum up to those that were read."""
+
+    deployment: str
+    robot: str
+    read: int
+    new: int
+    duplicate: int
+    differs: int
+    """Measured at a moment of which another value is kept; both are."""
+    faults: int
+    named_faults: list[FaultDocument]
+    """The first of them."""
+    notes: list[str]
+    scores: list[RecordedScores]
+    without_map: list[WithoutMap]
+
+
+class ImportFaults(TypedDict):
+    """Why an upload was refused."""
+
+    named_faults: list[FaultDocument]
+    faults: int
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """What an operator wants of an upload."""
+
+    order: ReadOrder
+    files: Sequence[ImportedFile]
+    """Of the order, with their hashes."""
+    robot: str
+    policy: Policy
+    into: str
+    template: str
+    by: str
+
+
+async def read_upload(
+    order: ReadOrder, upload: str, pool: WorkerPool, progress: JobProgress
+) -> RecordingProposal:
+    """Read an upload and propose a mapping.
+
+    Raises:
+        JobError: If it cannot be read.
+    """
+    try:
+        found = await pool.run(PROPOSE, order, on_progress=lambda news: progress.report(*news))
+    except WORKER_FAILURES as error:
+        raise JobError(str(error)) from error
+    if "refused" in found:
+        raise JobError(found["refused"])
+    found["upload"] = upload
+    return cast("RecordingProposal", found)
+
+
+async def run_confirmed(
+    wanted: Confirmed, store: Store, clock: Clock, pool: WorkerPool, progress: JobProgress
+) -> ImportReport:
+    """Import an upload as it was confirmed, whole or not at all.
+
+    Raises:
+        JobError: If it was refused; the result names the faults.
+    """
+
+    def told(news: tuple[float, str]) -> None:
+        progress.report(news[0] * _CONVERTED_SHARE, news[1])
+
+    try:
+        converted = await pool.run(CONVERT, wanted.order, on_progress=told)
+    except WORKER_FAILURES as error:
+        raise JobError(str(error)) from error
+    if isinstance(converted, str):
+        raise JobError(converted)
+    if isinstance(converted, list):
+        faults = [FileFault(place, reason) for place, reason in converted]
+        words = "; ".join(f"{one.place}: {one.reason}" for one in faults[:3])
+        raise JobError(f"The mapping cannot be followed: {words}.", _refusal(faults))
+    refuse(converted, wanted.policy)
+    thread = ThreadWork(progress)
+    progress.report(_CONVERTED_SHARE, f"Keeping {len(converted.time_s):,} rows")
+    recording, at = recording_of(converted), clock.now()
+    try:
+        kept = await thread.result(
+            store.write(lambda s: keep_confirmed(s, wanted, converted, at=at, go_on=thread.go_on))
+        )
+    except StoreError as error:
+        raise JobError(str(error)) from error
+    outcomes = await learn_maps(
+        store, clock, progress, robot=wanted.robot, kept=kept, recording=recording
+    )
+    await asyncio.to_thread(forget_upload, wanted.order.folder)
+    return report_of(kept, converted, outcomes)
+
+
+def refuse(converted: Converted, policy: Policy) -> None:
+    """Refuse rows that are wrong if the policy says so, or if none is right.
+
+    Raises:
+        JobError: With the first faults.
+    """
+    faults = converted.faults
+    if not len(converted.time_s):
+        raise JobError("No row of the files can be used.", _refusal(faults))
+    if faults and policy is Policy.REFUSE:
+        first = faults[0]
+        raise JobError(
+            f"{len(faults):,} of {converted.read:,} rows cannot be used, the first is "
+            f"{first.place}: {first.reason}. Nothing was imported.",
+            _refusal(faults),
+        )
+
+
+def recording_of(converted: Converted) -> Recording:
+    """Return converted rows as every recording is kept."""
+    return Recording(
+        converted.time_s,
+        converted.latitude_deg,
+        converted.longitude_deg,
+        converted.depth_m,
+        dict(converted.values),
+        dict(converted.flight),
+        tuple(RowFault(0, f"{one.place}: {one.reason}") for one in converted.faults),
+    )
+
+
+def hashes(order: ReadOrder) -> list[ImportedFile]:
+    """Return the files of an upload with the hashes of their contents."""
+    found: list[ImportedFile] = []
+    for place, name in enumerate(order.names):
+        if not name.lower().endswith(".cac"):
+            with (order.folder / str(place)).open("rb") as file:
+                found.append(hashed(file, name))
+    return found
+
+
+def refuse_same(session: Session, robot: str, files: Sequence[ImportedFile]) -> None:
+    """Refuse files that a robot has already, before they are read.
+
+    Raises:
+        DeploymentExistsError: With the deployment that has them.
+    """
+    with suppress(UnknownIdError):
+        refuse_known(session, robot, source_of("", files).log, files)
+
+
+def keep_confirmed(
+    session: Session,
+    wanted: Confirmed,
+    converted: Converted,
+    *,
+    at: datetime,
+    go_on: Any = lambda: None,  # noqa: ANN401 - a callable without arguments
+) -> Kept:
+    """Keep the rows, the flags of the files and the template, all of it or nothing.
+
+    Raises:
+        StoreError: If the files are there already, or the deployment takes no more rows.
+    """
+    names = [one.name for one in wanted.files]
+    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    source: Source = source_of(
+        title, wanted.files, is_simulated=converted.is_simulated, into=wanted.into
+    )
+    recording = recording_of(converted)
+    kept = keep_recording(
+        session, wanted.robot, recording, source, at=at, by=wanted.by, go_on=go_on
+    )
+    for channel, flags in converted.flags.items():
+        told = np.isfinite(converted.values[channel])
+        _keep_flags(session, kept, channel, converted.time_s[told], flags[told], title, at, wanted)
+    if wanted.template and wanted.order.mapping is not None:
+        kept_before = dict(get_setting(session, TEMPLATES) or {})
+        kept_before[wanted.template] = {
+            "mapping": wanted.order.mapping.model_dump(mode="json"),
+            "by": wanted.by,
+            "at": at.isoformat(),
+        }
+        put_setting(session, TEMPLATES, kept_before)
+    return kept
+
+
+def _keep_flags(
+    session: Session,
+    kept: Kept,
+    channel: str,
+    time_s: np.ndarray,
+    flags: FlagArray,
+    title: str,
+    at: datetime,
+    wanted: Confirmed,
+) -> None:
+    """Take over what a file says of its values: stretches of doubtful ones, as people give them."""
+    if not len(flags) or not kept.new:
+        return
+    begins = np.flatnonzero(np.diff(flags, prepend=-1) != 0)
+    ends = np.append(begins[1:], len(flags)) - 1
+    doubtful = [
+        (first, last)
+        for first, last in zip(begins.tolist(), ends.tolist(), strict=True)
+        if flags[first] in _FLAGGED
+    ]
+    for first, last in doubtful[:_STRETCHES_MAX]:
+        add_manual_flag(
+            session,
+            kept.deployment.id,
+            series=channel,
+            first_at=_EPOCH + timedelta(seconds=float(time_s[first])),
+            last_at=_EPOCH + timedelta(seconds=float(time_s[last])),
+            flag=int(flags[first]),
+            reason=f"As {title} says.",
+            at=at,
+            by=wanted.by,
+        )
+
+
+def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportReport:
+    """Return what came of an import."""
+    return {
+        "deployment": kept.deployment.id,
+        "robot": kept.deployment.robot,
+        "read": converted.read,
+        "new": kept.new,
+        "duplicate": kept.duplicate,
+        "differs": kept.differs,
+        "faults": len(converted.faults),
+        "named_faults": _documents(converted.faults),
+        "notes": list(converted.notes),
+        "scores": scores_of(outcomes),
+        "without_map": without_map(outcomes),
+    }
+
+
+def templates_in(session: Session) -> dict[str, Mapping]:
+    """Return the mappings that were kept, by name."""
+    kept: AnyMapping[str, Any] = get_setting(session, TEMPLATES) or {}
+    return {name: Mapping.model_validate(one["mapping"]) for name, one in kept.items()}
+
+
+def with_mapping(order: ReadOrder, mapping: Mapping) -> ReadOrder:
+    """Return an order whose mapping was confirmed."""
+    return replace(order, mapping=mapping)
+
+
+def _refusal(faults: Sequence[FileFault]) -> ImportFaults:
+    return {"named_faults": _documents(faults), "faults": len(faults)}
+
+
+def _documents(faults: Sequence[FileFault]) -> list[FaultDocument]:
+    return [{"place": one.place, "reason": one.reason} for one in faults[:SHOWN_FAULTS]]
+
+
+def folder_of(data_dir: Path) -> Path:
+    """Return where uploads lie."""
+    return data_dir / FOLDER

@@ -1,0 +1,138 @@
+"""Reads and converts an upload in a worker process, where a broken file takes no station down."""
+
+import shutil
+from collections.abc import Callable
+from collections.abc import Mapping as AnyMapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from autonomy.channel import ChannelCatalogue
+from server.recording_file.conversion import Converted, convert
+from server.recording_file.mapping import (
+    FLIGHT,
+    SHOWN_ROWS,
+    Mapping,
+    MappingError,
+    faults_of,
+    proposed,
+    questions,
+)
+from server.recording_file.raw import RawRecording, UnreadableError
+from server.recording_file.reading import read_files
+
+PROPOSE = f"{__name__}:propose"
+CONVERT = f"{__name__}:convert_upload"
+_UNPACKED = "unpacked"
+_READ_SHARE = 0.8
+
+
+class ReadingStoppedError(Exception):
+    """Whoever asked for the reading wants it no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOrder:
+    """Files that are to be read."""
+
+    folder: Path
+    """Of the upload; each file lies in it under its number."""
+    names: tuple[str, ...]
+    """As the operator knows them."""
+    channels: ChannelCatalogue
+    templates: AnyMapping[str, Mapping]
+    """Mappings that were kept, by name."""
+    mapping: Mapping | None = None
+    """What was confirmed."""
+
+
+def propose(
+    order: ReadOrder, report: Callable[[object], None], is_cancelled: Callable[[], bool]
+) -> dict[str, Any]:
+    """Read files and return what is proposed for them, as JSON, or ``refused`` alone."""
+    try:
+        raw = _read(order, report, is_cancelled)
+    except UnreadableError as error:
+        return {"refused": str(error)}
+    mapping, template = _proposed(raw, order)
+    roles = {one.name: one for one in mapping.columns}
+    wrong = faults_of(raw, mapping, order.channels).faults
+    return {
+        "format": raw.format,
+        "files": list(raw.files),
+        "rows": len(raw) + len(raw.faults),
+        "faults": len(raw.faults),
+        "mapping": mapping.model_dump(mode="json"),
+        "columns": [
+            {
+                "name": column.name,
+                "is_text": column.texts is not None,
+                "role": roles[column.name].role,
+                "target": roles[column.name].target,
+                "unit": roles[column.name].unit,
+                "cells": [column.shown(row) for row in range(min(SHOWN_ROWS, len(raw)))],
+            }
+            for column in raw.columns.values()
+        ],
+        "questions": [one.model_dump() for one in questions(raw, mapping)],
+        "missing": [{"place": place, "reason": reason} for place, reason in wrong],
+        "notes": list(raw.notes),
+        "flight": list(FLIGHT),
+        "template": template,
+        "is_simulated": raw.is_simulated,
+    }
+
+
+def convert_upload(
+    order: ReadOrder, report: Callable[[object], None], is_cancelled: Callable[[], bool]
+) -> Converted | list[tuple[str, str]] | str:
+    """Read files again and follow a mapping; return why not, or what is wrong with the mapping."""
+    try:
+        raw = _read(order, report, is_cancelled)
+        return convert(raw, order.mapping or proposed(raw, order.channels), order.channels)
+    except MappingError as error:
+        return error.faults
+    except UnreadableError as error:
+        return str(error)
+
+
+def _read(
+    order: ReadOrder, report: Callable[[object], None], is_cancelled: Callable[[], bool]
+) -> RawRecording:
+    unpacked = order.folder / _UNPACKED
+    shutil.rmtree(unpacked, ignore_errors=True)
+
+    def tell(share: float) -> None:
+        if is_cancelled():
+            raise ReadingStoppedError
+        report((share * _READ_SHARE, "Reading the files"))
+
+    try:
+        unpacked.mkdir(parents=True)
+        files = [(name, order.folder / str(place)) for place, name in enumerate(order.names)]
+        return read_files(files, unpacked, tell)
+    except OSError as error:
+        raise UnreadableError(f"The files cannot be read: {error.strerror}.") from error
+    finally:
+        shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def _proposed(raw: RawRecording, order: ReadOrder) -> tuple[Mapping, str]:
+    """Return the kept mapping that fits most columns, else a guess, and the name of the former."""
+    guess = proposed(raw, order.channels)
+    names = [one.name for one in guess.columns]
+    fitting = [
+        (len(told), name, mapping)
+        for name, mapping in order.templates.items()
+        for told in [{one.name for one in mapping.columns if one.role != "ignore"}]
+        if told <= set(names)
+    ]
+    if not fitting:
+        return guess, ""
+    _, name, mapping = max(fitting, key=lambda one: one[:2])
+    kept = {one.name: one for one in mapping.columns}
+    columns = tuple(
+        kept.get(one.name, one.model_copy(update={"role": "ignore", "target": ""}))
+        for one in guess.columns
+    )
+    return mapping.model_copy(update={"columns": columns}), name

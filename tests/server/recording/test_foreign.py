@@ -1,0 +1,163 @@
+"""Files of any maker: proposed, confirmed, and kept whole or not at all."""
+
+import asyncio
+import threading
+
+import pytest
+
+from db.query.measured import imported
+from server.recording.foreign import folder_of
+from tests.server.recording.test_import import until_cancelled
+from tests.server.station_app import running, signed_in
+
+BEGIN_S = 1_563_751_502
+
+
+@pytest.fixture
+def _known_fleet():
+    """The station is new: no robots are known before a test adds its own."""
+
+
+@pytest.fixture
+async def app(tmp_path):
+    async with running(tmp_path) as app:
+        yield app
+
+
+@pytest.fixture
+async def pilot(app):
+    async with signed_in(app) as client:
+        yield client
+
+
+def table(rows, shift=0.0, broken=()):
+    """A table whose columns no station knows: seconds, places, feet, and a probe of its own."""
+    lines = ["when;Lat;Lon;Depth (ft);probe 7"]
+    for row in rows:
+        value = "oops" if row in broken else f"{10.0 + 0.01 * row + shift:.4f}"
+        place = f"{48.9 + 1e-4 * row:.4f};{-130.6:.1f}"
+        lines.append(f"{BEGIN_S + 30 * row};{place};{10 * (row % 7)};{value}")
+    return "\n".join(lines) + "\n"
+
+
+async def ended(client, answer):
+    assert answer.status_code == 202, answer.text
+    async with asyncio.timeout(60):
+        while True:
+            job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
+            if job["state"] not in {"queued", "running"}:
+                return job
+            await asyncio.sleep(0.1)
+
+
+async def sent(client, *files):
+    """Return the job that reads some files of an upload."""
+    parts = [("files", (name, text)) for name, text in files]
+    return await ended(client, await client.post("/api/imports/uploads", files=parts))
+
+
+def meant(proposal, **unusual):
+    """Return the proposed mapping with a person's word on some columns."""
+    mapping = proposal["mapping"]
+    told = {"when": ("time", "", "s"), "probe 7": ("variable", "temperature", "degC")} | unusual
+    for column in mapping["columns"]:
+        if column["name"] in told:
+            role, target, unit = told[column["name"]]
+            column |= {"role": role, "target": target, "unit": unit}
+    return mapping | {"is_utc": True}
+
+
+async def confirmed(client, proposal, **more):
+    body = {"robot": "eva", "mapping": meant(proposal), **more}
+    return await client.post(f"/api/imports/uploads/{proposal['upload']}", json=body)
+
+
+def counts(report):
+    kinds = ("read", "new", "duplicate", "differs", "faults")
+    assert report["read"] == sum(report[kind] for kind in kinds[1:])
+    return tuple(report[kind] for kind in kinds)
+
+
+async def test_a_table_is_proposed_confirmed_and_every_row_is_told_of(app, pilot):
+    proposal = (await sent(pilot, ("odd.csv", table(range(30), broken=(4,)))))["result"]
+    roles = {one["name"]: one["role"] for one in proposal["columns"]}
+    assert (roles["Lat"], roles["Lon"], roles["Depth (ft)"]) == ("latitude", "longitude", "depth")
+    assert roles["probe 7"] == "ignore"
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    refused = await ended(pilot, await confirmed(pilot, proposal))
+    assert refused["state"] == "failed"
+    assert refused["message"].endswith("Nothing was imported.")
+    assert "line 6" in refused["result"]["named_faults"][0]["place"]
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    job = await ended(pilot, await confirmed(pilot, proposal, policy="skip", template="odd"))
+    assert job["state"] == "done", job["message"]
+    assert counts(job["result"]) == (30, 29, 0, 0, 1)
+    [deployment] = (await pilot.get("/api/deployments")).json()["deployments"]
+    assert (deployment["samples"], deployment["variables"]) == (29, ["temperature"])
+    assert list(folder_of(app.state.foundation.settings.data_dir).iterdir()) == []
+
+    again = (await sent(pilot, ("odd.csv", table(range(30), broken=(4,)))))["result"]
+    assert (again["template"], again["missing"]) == ("odd", [])
+    answer = await confirmed(pilot, again, policy="skip")
+    assert answer.status_code == 409
+    assert answer.json()["detail"].endswith("there already, as deployment-1 of eva.")
+    other = (await sent(pilot, ("more.csv", table(range(20, 40)))))["result"]
+    job = await ended(pilot, await confirmed(pilot, other))
+    assert counts(job["result"]) == (20, 10, 10, 0, 0)
+    assert job["result"]["deployment"] == "deployment-1"
+    shifted = (await sent(pilot, ("shifted.csv", table(range(30, 35), shift=1.0))))["result"]
+    job = await ended(pilot, await confirmed(pilot, shifted))
+    assert counts(job["result"]) == (5, 0, 0, 5, 0)
+
+
+async def test_a_kept_mapping_is_listed_and_forgotten(pilot):
+    proposal = (await sent(pilot, ("odd.csv", table(range(5)))))["result"]
+    job = await ended(pilot, await confirmed(pilot, proposal, template="odd"))
+    assert job["state"] == "done", job["message"]
+    [kept] = (await pilot.get("/api/imports/templates")).json()["templates"]
+    assert (kept["name"], kept["columns"]) == ("odd", 5)
+    assert (await pilot.delete("/api/imports/templates/odd")).status_code == 204
+    assert (await pilot.delete("/api/imports/templates/odd")).status_code == 404
+
+
+async def test_files_that_are_no_recording_are_refused_in_a_sentence(pilot):
+    job = await sent(pilot, ("empty.dbd", ""))
+    assert job["state"] == "failed"
+    assert "empty.dbd" in job["message"]
+    job = await sent(pilot, ("photo.nc", b"\x89HDF\r\n\x1a\nno more"))
+    assert job["state"] == "failed"
+    assert "photo.nc" in job["message"]
+    proposal = (await sent(pilot, ("odd.csv", table(range(5)))))["result"]
+    body = {"robot": "eva", "mapping": proposal["mapping"]}
+    path = f"/api/imports/uploads/{proposal['upload']}"
+    job = await ended(pilot, await pilot.post(path, json=body))
+    assert (job["state"], job["message"].split(":")[0]) == (
+        "failed",
+        "The mapping cannot be followed",
+    )
+    unknown = await pilot.post("/api/imports/uploads/abc", json=body)
+    assert unknown.status_code == 404
+
+
+async def test_an_import_that_is_cancelled_keeps_nothing_and_can_be_confirmed_again(
+    pilot, monkeypatch
+):
+    begun, let_go = threading.Event(), threading.Event()
+
+    def held(*more):
+        begun.set()
+        let_go.wait(60)
+        insert_samples(*more)
+
+    insert_samples = imported.insert_samples
+    monkeypatch.setattr(imported, "insert_samples", held)
+    proposal = (await sent(pilot, ("odd.csv", table(range(30)))))["result"]
+    job = (await confirmed(pilot, proposal)).json()["id"]
+    await asyncio.to_thread(begun.wait, 60)
+    cancelling = asyncio.create_task(pilot.delete(f"/api/jobs/{job}"))
+    await until_cancelled(f"import {job}")
+    let_go.set()
+    assert (await cancelling).json()["state"] == "cancelled"
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    job = await ended(pilot, await confirmed(pilot, proposal))
+    assert counts(job["result"]) == (30, 30, 0, 0, 0)
