@@ -1,8 +1,8 @@
-"""A robot is lost: what the page says of it meanwhile."""
+"""A robot is lost: what the page says of it meanwhile, over a power cut of the station too."""
 
 import re
 from collections.abc import Iterator
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
@@ -45,14 +45,16 @@ def lake(tmp_path: Path) -> Iterator[Demo]:
         yield demo
 
 
-def test_a_robot_is_lost(browser: Browser, lake: Demo):
+def test_a_robot_is_lost_over_a_power_cut_as_its_stations_people_see_it(
+    browser: Browser, lake: Demo
+):
     journey = Journey("J5")
     with browser_page(browser, lake) as page:
         for one in page.context.cookies():
             lake.client.cookies.set(one.get("name", ""), one.get("value", ""))
         lake.client.headers["X-CSRF-Token"] = lake.get("/api/session")["csrf_token"]
         lake.patch("/api/config/planner", LASTING, robot=ROBOT)
-        flown = start_a_plan(lake)
+        flown, waiting = start_a_plan(lake)
         open_page(page, lake, f"/robot/{ROBOT}")
         page.get_by_text("From above", exact=True).click()
         lake.wait("the dive", lambda: state(lake)["link"]["state"] == "submerged", 120.0)
@@ -63,8 +65,14 @@ def test_a_robot_is_lost(browser: Browser, lake: Demo):
         next_contact(page, journey)
         first_m = ellipse_m(lake)
         own_acts(page, flown, journey)
-        overdue(lake, page, lost_at, journey)
+        alarm = overdue(lake, page, lost_at, journey)
         grows(lake, page, first_m, journey)
+
+        # A power cut while nobody hears it.
+        send = lake.post(f"/api/plans/{waiting}/schedule", send_at_the_surface(lake))["id"]
+        order = lake.post(f"/api/robots/{ROBOT}/commands", {"kind": "hold"})["id"]
+        lake.restart_station()
+        survives(lake, page, flown, send, order, alarm, journey)
 
 
 def state(lake: Demo) -> Json:
@@ -89,12 +97,13 @@ def draft(lake: Demo) -> str:
     return plan
 
 
-def start_a_plan(lake: Demo) -> str:
+def start_a_plan(lake: Demo) -> tuple[str, str]:
+    """Return a plan that is flown, and a draft beside it."""
     lake.wait("a place", lambda: state(lake)["position"] is not None, 60.0)
-    flown = draft(lake)
+    waiting, flown = draft(lake), draft(lake)
     lake.post(f"/api/plans/{flown}/upload", {"start": True})
     lake.wait("flight", lambda: lake.get(f"/api/plans/{flown}")["state"] == "running", 120.0)
-    return flown
+    return flown, waiting
 
 
 def gauge(page: Page, title: str) -> Locator:
@@ -178,7 +187,7 @@ def alarms_since(lake: Demo, lost_at: datetime) -> list[Json]:
     ]
 
 
-def overdue(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> None:
+def overdue(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> Json:
     """3. One alarm; no other comes beside it."""
     [alarm] = lake.wait("an alarm", lambda: lost_alarms(lake, lost_at), 200.0)
     assert "was to surface at" in alarm["text"]
@@ -186,3 +195,32 @@ def overdue(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> None
     acknowledge_but(lake, "was to surface at")
     expect(page.get_by_role("alert").filter(has_text="was to surface at")).to_have_count(1)
     journey.tell("3", "at overdue one alarm, not ten", f"one: {alarm['text']!r}")
+    return alarm
+
+
+def send_at_the_surface(lake: Demo) -> Json:
+    until = now(lake) + timedelta(days=2)
+    return {"condition": {"kind": "surfacing"}, "expires_at": until.isoformat()}
+
+
+def survives(
+    lake: Demo, page: Page, plan: str, send: str, order: str, alarm: Json, journey: Journey
+) -> None:
+    """Look at a station that was killed in the loss: it has all that it had."""
+    sends = {one["id"]: one for one in lake.get(f"/api/robots/{ROBOT}/schedule")["sends"]}
+    assert sends[send]["state"] == "waiting"
+    kept = lake.get(f"/api/commands/{order}")
+    assert kept["level"] not in ("refused", "expired")
+    assert lake.get(f"/api/plans/{plan}")["state"] == "running"
+    acts = prediction(lake)["acts"]
+    assert any(one["source"] == f"{plan} on board" for one in acts)
+    same = next(one for one in lake.get("/api/alarms")["alarms"] if one["id"] == alarm["id"])
+    open_page(page, lake, f"/robot/{ROBOT}")
+    shown = page.get_by_role("region", name="What it will do by itself")
+    expect(shown.get_by_text(f"{plan} on board").first).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="was to surface at")).to_have_count(1)
+    figure = (
+        f"send {sends[send]['state']}, order {kept['level']}, {plan} running on board with "
+        f"{len(acts)} acts, alarm {same['state']}"
+    )
+    journey.tell("restart", "SIGKILL in the loss keeps queue and plan on board", figure)
