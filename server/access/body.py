@@ -24,6 +24,7 @@ STRANGER_BYTES_MAX: Final = 2**16
 """Sign-in forms, and what a gateway pushes."""
 FILE_BYTES_MAX: Final = {
     "/api/imports": 512 * _MB,
+    "/api/imports/uploads": 2048 * _MB,
     "/api/vehicles/{key}/coefficients": 8 * _MB,
     "/api/robots/{robot}/detections": 256 * _MB,
     "/api/base-maps": 2048 * _MB,
