@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 import numpy as np
+from pydantic import JsonValue
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
@@ -89,7 +90,7 @@ class RecordingProposal(TypedDict):
     rows: int
     faults: int
     """Rows that cannot be read at all."""
-    mapping: dict[str, Any]
+    mapping: dict[str, JsonValue]
     columns: list[ProposedColumn]
     questions: list[OpenQuestion]
     missing: list[FaultDocument]

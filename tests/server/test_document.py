@@ -9,7 +9,10 @@ from server.app import create_app
 from server.base.live_feed import SECTIONS
 from server.base.settings import Settings
 
-OPEN = {"EventData", "JsonSchema", "SettingsDocument", "SettingsPatch", "VehicleUpload"}
+OPEN = {
+    "EventData", "JsonSchema", "RecordingProposal", "SettingsDocument", "SettingsPatch",
+    "VehicleUpload",
+}  # fmt: skip
 """Documents whose fields a schema of their own tells; their values are any JSON."""
 
 
