@@ -4,8 +4,8 @@ read -> proposed -> confirmed -> converted -> held against what is kept -> kept 
 """
 
 import asyncio
+from collections.abc import Callable, Sequence
 from collections.abc import Mapping as AnyMapping
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -256,7 +256,7 @@ def keep_confirmed(
     converted: Converted,
     *,
     at: datetime,
-    go_on: Any = lambda: None,  # noqa: ANN401 - a callable without arguments
+    go_on: Callable[[], None] = lambda: None,
 ) -> Kept:
     """Keep the rows, the flags of the files and the template, all of it or nothing.
 
@@ -297,16 +297,9 @@ def _keep_flags(
     wanted: Confirmed,
 ) -> None:
     """Take over what a file says of its values: stretches of doubtful ones, as people give them."""
-    if not len(flags) or not kept.new:
+    if not kept.new:
         return
-    begins = np.flatnonzero(np.diff(flags, prepend=-1) != 0)
-    ends = np.append(begins[1:], len(flags)) - 1
-    doubtful = [
-        (first, last)
-        for first, last in zip(begins.tolist(), ends.tolist(), strict=True)
-        if flags[first] in _FLAGGED
-    ]
-    for first, last in doubtful[:_STRETCHES_MAX]:
+    for first, last in _doubtful(flags)[:_STRETCHES_MAX]:
         add_manual_flag(
             session,
             kept.deployment.id,
@@ -320,6 +313,33 @@ def _keep_flags(
         )
 
 
+def _doubtful(flags: FlagArray) -> list[tuple[int, int]]:
+    """Return the first and last place of each stretch of equal flags that say of a doubt."""
+    if not len(flags):
+        return []
+    begins = np.flatnonzero(np.diff(flags, prepend=-1) != 0)
+    ends = np.append(begins[1:], len(flags)) - 1
+    return [
+        (first, last)
+        for first, last in zip(begins.tolist(), ends.tolist(), strict=True)
+        if flags[first] in _FLAGGED
+    ]
+
+
+def _flags_left_out(kept: Kept, converted: Converted) -> list[str]:
+    """Return a sentence for each channel of which not every flag was taken over."""
+    notes: list[str] = []
+    for channel, flags in converted.flags.items() if kept.new else ():
+        told = np.isfinite(converted.values[channel])
+        left_out = len(_doubtful(flags[told])) - _STRETCHES_MAX
+        if left_out > 0:
+            notes.append(
+                f"{channel}: the first {_STRETCHES_MAX:,} stretches of flags were taken over, "
+                f"{left_out:,} were not."
+            )
+    return notes
+
+
 def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportReport:
     """Return what came of an import."""
     return {
@@ -331,7 +351,7 @@ def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportRep
         "differs": kept.differs,
         "faults": len(converted.faults),
         "named_faults": _documents(converted.faults),
-        "notes": list(converted.notes),
+        "notes": [*converted.notes, *_flags_left_out(kept, converted)],
         "scores": scores_of(outcomes),
         "without_map": without_map(outcomes),
     }

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, File, UploadFile
 from pydantic import Field
+from sqlalchemy.orm import Session
 
 from db.query.fleet.recordings import DeploymentExistsError
 from db.query.station.settings import get_setting, put_setting
@@ -163,7 +164,7 @@ async def forget_template(caller: Pilot, name: str, store: StoreDep) -> None:
     """Forget a mapping."""
     del caller
 
-    def forget(session: Any) -> bool:  # noqa: ANN401 - a session
+    def forget(session: Session) -> bool:
         kept = dict(get_setting(session, TEMPLATES) or {})
         was = kept.pop(name, None)
         put_setting(session, TEMPLATES, kept)

@@ -2,11 +2,15 @@
 
 import asyncio
 import threading
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from db.query.measured import imported
-from server.recording.foreign import folder_of
+from server.recording.foreign import folder_of, report_of
+from server.recording.keep import Kept
+from server.recording_file.conversion import Converted
 from tests.server.recording.test_import import until_cancelled
 from tests.server.station_app import running, signed_in
 
@@ -161,3 +165,16 @@ async def test_an_import_that_is_cancelled_keeps_nothing_and_can_be_confirmed_ag
     assert (await pilot.get("/api/deployments")).json()["deployments"] == []
     job = await ended(pilot, await confirmed(pilot, proposal))
     assert counts(job["result"]) == (30, 30, 0, 0, 0)
+
+
+def test_flags_that_are_not_taken_over_are_counted_in_the_report():
+    rows = 2010
+    told = np.arange(float(rows))
+    flags = np.tile(np.array([4, 1], dtype=np.int8), rows // 2)
+    files = Converted(told, told, told, told, {"temperature": told}, {}, {"temperature": flags},
+                      rows, (), ())  # fmt: skip
+    deployment = SimpleNamespace(id="deployment-1", robot="eva")
+    assert report_of(Kept(deployment, rows, 0, 0), files, ())["notes"] == [
+        "temperature: the first 1,000 stretches of flags were taken over, 5 were not."
+    ]
+    assert report_of(Kept(deployment, 0, rows, 0), files, ())["notes"] == []
