@@ -18,6 +18,11 @@ FIRST_LOAD_BYTES = 215_000
 """Without what robots did until now, which grows with time, to 600 points a robot at most."""
 GROWING = re.compile("/(track|samples)[?]")
 SIZES = [(1600, 950), (820, 1180), (360, 780)]
+GLIDE_CSV = """time,latitude,longitude,depth,temperature
+2026-08-01T10:00:00Z,42.70000,-84.40000,0.2,21.5
+2026-08-01T10:00:02Z,42.70001,-84.40001,0.9,21.4
+2026-08-01T10:00:04Z,42.70002,-84.40002,1.6,20.8
+"""
 
 
 @pytest.fixture
@@ -228,9 +233,15 @@ def test_a_form_says_beside_its_fields_what_they_lack(screen, calm):
     name.fill("anna")
     expect(people.get_by_text("Fill this in.")).to_have_count(1)
     open_page(screen, calm, "/data/mini-1")
-    expect(screen.get_by_text("None chosen")).to_be_visible()
-    screen.get_by_role("button", name="Import", exact=True).click()
-    expect(screen.get_by_text("Choose a file.")).to_be_visible()
+    panel = screen.locator("form").filter(has_text="Import a recording")
+    expect(panel.get_by_text("None chosen")).to_be_visible()
+    panel.get_by_label("Files").set_input_files(
+        {"name": "glide.csv", "mimeType": "text/csv", "buffer": GLIDE_CSV.encode()}
+    )
+    expect(panel.get_by_role("status").filter(has_text="3 rows of glide.csv")).to_be_visible()
+    panel.get_by_label("Name of the robot that recorded it").fill("")
+    panel.get_by_role("button", name="Import 3 rows").click()
+    expect(panel.get_by_text("Fill this in.")).to_be_visible()
 
 
 def test_a_word_is_explained_to_those_who_tap_or_type(screen, calm):

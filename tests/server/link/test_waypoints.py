@@ -257,6 +257,6 @@ async def test_surface_now_is_proved_by_its_mode_and_by_another_setting_by_anoth
 
         async def refused():
             await client.post("/api/robots/sub-1/commands", json={"kind": "surface"})
-            return await surfaced() == "refused"
+            return await until(surfaced) == "refused"
 
         assert await until(refused)
