@@ -11,6 +11,7 @@ from sqlalchemy import Connection, Engine
 from db import (
     checklist_tables,
     current_tables,
+    decision_tables,
     delivery_tables,
     design_tables,
     lease_tables,
@@ -51,6 +52,7 @@ _TABLE_MODULES = (
     checklist_tables,
     notice_tables,
     log_book_tables,
+    decision_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

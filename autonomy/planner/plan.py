@@ -79,6 +79,21 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class Pace:
+    """How far a search came by the clock; with it the same search is repeated without one."""
+
+    iterations: int
+    """Growths and refinements that were made."""
+    turns: tuple[tuple[int, float], ...] = ()
+    """Where it went on from another start: before which iteration, counted from 0, and which part
+    of the search was over then, 0..1."""
+
+    def part(self, iteration: int) -> float:
+        """Return the part of the search that counts before an iteration."""
+        return max((part for first, part in self.turns if first <= iteration), default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class PlanResult:
     """What a planning run leaves: best candidate, runners-up, and how it went."""
 
@@ -91,3 +106,5 @@ class PlanResult:
     """Budget-feasible candidates whose objective was known or bounded."""
     reservoir_full: bool
     """Whether some node met the cap on its paths, so that not every path was kept."""
+    pace: Pace | None = None
+    """How far the search came; ``None`` where there was none."""

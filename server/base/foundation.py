@@ -15,6 +15,7 @@ from server.base.alarm_board import AlarmBoard
 from server.base.channels import Channels
 from server.base.clock_file import read_clock
 from server.base.configuration import ConfigurationBook
+from server.base.decision.decisions import Decisions
 from server.base.event_bus import EventBus, EventLogged
 from server.base.event_log import EventLog
 from server.base.job import JobBoard
@@ -82,6 +83,8 @@ class Foundation:
     workers: WorkerPool
     study_workers: WorkerPool
     """Processes that give way to all others."""
+    decisions: Decisions
+    """What is decided in either, and can be decided once more."""
     services: Services
     """What the capabilities have installed."""
     lifetime: Lifetime
@@ -141,6 +144,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         event_log=event_log,
         workers=workers,
         study_workers=study_workers,
+        decisions=Decisions(store, clock, background),
         services=Services(),
         lifetime=lifetime,
     )

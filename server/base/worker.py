@@ -153,6 +153,7 @@ class WorkerPool:
         *,
         on_progress: Callable[[Any], None] | None = None,
         processor_limit_s: float | None = None,
+        on_withdrawn: Callable[[Any, int | None], None] | None = None,
     ) -> Any:  # noqa: ANN401 - the task's own result
         """Run one task and return its result.
 
@@ -160,7 +161,9 @@ class WorkerPool:
         processor: a machine that is busy with something else takes nothing of it.
 
         Cancelling the awaiting asyncio task cancels the work: the task is asked to stop and its
-        process is ended if it does not within ``CANCEL_GRACE_S``.
+        process is ended if it does not within ``CANCEL_GRACE_S``. What a task leaves that stopped
+        by itself is told to ``on_withdrawn``, with the number of the question whether to stop that
+        was answered with yes first; ``None`` where it asked no more.
 
         Raises:
             WorkerTaskError: The task raised.
@@ -176,9 +179,10 @@ class WorkerPool:
             self._busy.add(worker)
             try:
                 await worker.send(call)
-                return await self._follow(worker, on_progress)
+                return (await self._follow(worker, on_progress))[0]
             except asyncio.CancelledError:
-                await asyncio.shield(asyncio.ensure_future(self._withdraw(worker)))
+                withdrawn = self._withdraw(worker, on_withdrawn)
+                await asyncio.shield(asyncio.ensure_future(withdrawn))
                 raise
             finally:
                 self._busy.discard(worker)
@@ -209,24 +213,30 @@ class WorkerPool:
         if worker.is_alive:
             self._idle.append(worker)
 
-    async def _follow(self, worker: _Process, on_progress: Callable[[Any], None] | None) -> Any:  # noqa: ANN401 - the task's own result
+    async def _follow(
+        self, worker: _Process, on_progress: Callable[[Any], None] | None
+    ) -> tuple[Any, int | None]:
         while True:
             kind, *values = await worker.receive()
             if kind == wire.PROGRESS and on_progress is not None:
                 on_progress(values[0])
             elif kind == wire.RESULT:
-                return values[0]
+                return values[0], values[1]
             elif kind == wire.FAILURE:
                 raise WorkerTaskError(values[0])
             elif kind == wire.SPENT:
                 raise WorkerSpentError
 
-    async def _withdraw(self, worker: _Process) -> None:
+    async def _withdraw(
+        self, worker: _Process, on_withdrawn: Callable[[Any, int | None], None] | None
+    ) -> None:
         """Let a cancelled task end by itself, else end its process."""
         try:
             await worker.send(wire.frame((wire.CANCEL,)))
             async with asyncio.timeout(self._grace_s):
-                await self._follow(worker, None)
+                result, stopped_at = await self._follow(worker, None)
+            if on_withdrawn is not None:
+                on_withdrawn(result, stopped_at)
         except TimeoutError:
             await worker.kill()
             if self._grace_s:

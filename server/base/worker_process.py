@@ -21,6 +21,8 @@ from typing import IO, Any
 LENGTH = struct.Struct("<I")
 CALL, CANCEL = "call", "cancel"
 PROGRESS, RESULT, FAILURE, SPENT, READY = "progress", "result", "failure", "spent", "ready"
+"""A result comes with the number of the question whether to stop that was answered with yes first;
+``None`` where none was."""
 
 
 def frame(message: object) -> bytes:
@@ -71,6 +73,22 @@ class _Allowance:
         return self._until_s is not None and time.process_time() > self._until_s
 
 
+class Question:
+    """What a task asks whether to stop; it counts how often until the answer is yes."""
+
+    def __init__(self, must_stop: Callable[[], bool]) -> None:
+        self._must_stop = must_stop
+        self._asked = 0
+        self.stopped_at: int | None = None
+
+    def __call__(self) -> bool:
+        self._asked += 1
+        stops = self._must_stop()
+        if stops and self.stopped_at is None:
+            self.stopped_at = self._asked
+        return stops
+
+
 def _listen(pipe: _Pipe, calls: "queue.Queue[tuple[Any, ...]]", cancelled: threading.Event) -> None:
     while (message := pipe.receive()) is not None:
         if message[0] == CANCEL:
@@ -103,11 +121,8 @@ def _do(
     try:
         work = _resolve(task)
         allowance = _Allowance(limit_s)
-        result = work(
-            payload,
-            partial(pipe.send, PROGRESS),
-            lambda: cancelled.is_set() or allowance.is_spent(),
-        )
+        question = Question(lambda: cancelled.is_set() or allowance.is_spent())
+        result = work(payload, partial(pipe.send, PROGRESS), question)
     except Exception as error:  # noqa: BLE001 - whatever a task raises is the station's to tell
         if allowance.is_spent():
             pipe.send(SPENT)
@@ -116,7 +131,7 @@ def _do(
             traceback.print_exc()
         pipe.send(FAILURE, _sentence(error))
     else:
-        pipe.send(RESULT, result)
+        pipe.send(RESULT, result, question.stopped_at)
 
 
 if __name__ == "__main__":

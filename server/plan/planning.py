@@ -17,6 +17,7 @@ from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
 from db.query.mission.plans import PlanRecord, PlanStateError
 from robot_link.surfacing_order import SurfacingOrder
+from server.base.decision.decisions import Cause
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
 from server.base.worker import WORKER_FAILURES, WorkerPool
@@ -42,13 +43,13 @@ from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.margin_search import Tried, safest
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
+from server.plan.search.decided import SURVEY_ROUND
 from server.plan.search.request import SearchRequest
 from server.plan.search.round_problem import RoundProblems
 from server.plan.search.survey_round import NOTHING_FEASIBLE
 from server.plan.settings import PlanSettings
 from server.plan.state import PlanChanged, PlanEvidence
 from server.plan.target_check import target_violations
-from server.plan.task import PLAN_SURVEY
 from server.plan.view import DryRunView, ProgressView, ViolationView
 
 log = logging.getLogger(__name__)
@@ -458,9 +459,11 @@ class Planning:
             lambda sentence: self._ledger.set_progress(plan, replace(start, waiting=sentence)),
         )
         self._ledger.set_progress(plan, start)
-        return await self._workers.run(
-            PLAN_SURVEY,
+        return await self._foundation.decisions.make(
+            SURVEY_ROUND,
             problem,
+            Cause(plan.robot, plan.id, {"planner": request.config_id}),
+            self._workers,
             on_progress=lambda point: self._ledger.set_progress(
                 plan, _progress(point, config.planning_time_s)
             ),

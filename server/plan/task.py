@@ -13,7 +13,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.samples import FieldSamples
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.plan import Leg
+from autonomy.planner.plan import Leg, Pace
 from autonomy.site import Site
 
 LOAD_PLANNER: Final = "server.plan.search.task:load"
@@ -54,6 +54,8 @@ class SurveyProblem:
     """Standard deviation of the horizontal position there, shape ``(m,)``."""
     attempt: int = 0
     """Searches that go on from an earlier one use other random numbers."""
+    pace: Pace | None = None
+    """How far this search came before; with it the same search is repeated without a clock."""
 
 
 @dataclass(frozen=True, slots=True)

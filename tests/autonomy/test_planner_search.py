@@ -348,6 +348,25 @@ def test_time_ends_the_search_and_progress_is_told():
     assert result.candidates >= told[-1].candidates
 
 
+def test_a_search_that_the_clock_ended_is_repeated_without_one():
+    config = with_search(THESIS_TANK, iterations_max=0).model_copy(update={"planning_time_s": 2.0})
+    belief = belief_over(config.domain)
+    rng = np.random.default_rng(3)
+
+    def by_clock(seconds):
+        # A machine that is busy for a while, and idle for another.
+        clock = iter(np.cumsum(rng.exponential(seconds, 10_000)))
+        return run(search.plan, config, belief, elapsed_s=lambda: float(next(clock)))
+
+    first, other = by_clock(0.02), by_clock(0.03)
+    assert first.pace.turns, "it went on from more than one start"
+    again = run(search.plan, config, belief, pace=first.pace, elapsed_s=lambda: 0.0)
+    assert (again.best.legs, again.candidates) == (first.best.legs, first.candidates)
+    assert again.pace == first.pace
+    assert other.pace != first.pace
+    assert other.candidates != first.candidates
+
+
 def test_the_result_says_when_paths_were_left_out():
     belief = belief_over(QUICK.domain)
     few = run(search.plan, with_search(QUICK, iterations_max=60, paths_per_node=20), belief)

@@ -53,10 +53,16 @@ class FakeWorkers:
         *,
         on_progress: Callable[[object], None] | None = None,
         processor_limit_s: float | None = None,
+        on_withdrawn: Callable[[object, int | None], None] | None = None,
     ) -> object:
         """Do what ``WorkerPool.run`` does; a pool's own method calls it."""
         return await fake.run(
-            pool, task, payload, on_progress=on_progress, processor_limit_s=processor_limit_s
+            pool,
+            task,
+            payload,
+            on_progress=on_progress,
+            processor_limit_s=processor_limit_s,
+            on_withdrawn=on_withdrawn,
         )
 
     async def run(
@@ -67,6 +73,7 @@ class FakeWorkers:
         *,
         on_progress: Callable[[object], None] | None = None,
         processor_limit_s: float | None = None,
+        on_withdrawn: Callable[[object, int | None], None] | None = None,
     ) -> object:
         if isinstance(payload, SurveyProblem):
             self.problems.append(payload)
@@ -87,7 +94,12 @@ class FakeWorkers:
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(
-            pool, task, payload, on_progress=on_progress, processor_limit_s=processor_limit_s
+            pool,
+            task,
+            payload,
+            on_progress=on_progress,
+            processor_limit_s=processor_limit_s,
+            on_withdrawn=on_withdrawn,
         )
 
     def plan(self, problem: SurveyProblem) -> PlanResult:

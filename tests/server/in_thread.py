@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 
 from server.base.worker import WorkerPool, WorkerTaskError
+from server.base.worker_process import Question
 
 
 async def run_in_thread(
@@ -14,6 +15,7 @@ async def run_in_thread(
     payload: object,
     *,
     on_progress: Callable[[object], None] | None = None,
+    on_withdrawn: Callable[[object, int | None], None] | None = None,
 ) -> object:
     """Do what ``WorkerPool.run`` does, for tests of which processes are not the subject."""
     del pool
@@ -25,12 +27,15 @@ async def run_in_thread(
         if on_progress is not None:
             loop.call_soon_threadsafe(on_progress, news)
 
-    work = asyncio.ensure_future(asyncio.to_thread(function, payload, report, cancelled.is_set))
+    question = Question(cancelled.is_set)
+    work = asyncio.ensure_future(asyncio.to_thread(function, payload, report, question))
     try:
         return await asyncio.shield(work)
     except asyncio.CancelledError:
         cancelled.set()
         await asyncio.wait([work])
+        if on_withdrawn is not None and work.exception() is None:
+            on_withdrawn(work.result(), question.stopped_at)
         raise
     except Exception as error:
         raise WorkerTaskError(f"{type(error).__name__}: {error}") from error

@@ -15,6 +15,7 @@ their worth there.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,7 +69,7 @@ from autonomy.planner.objective import (
     weighted_sum,
 )
 from autonomy.planner.outcome import spending
-from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
+from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, Pace, PlanResult
 from autonomy.planner.resolution import drawn_points, fine_part
 from autonomy.planner.search import warm as warm_start
 from autonomy.planner.search.elite import elite_edge
@@ -143,6 +144,7 @@ def plan(
     elapsed_s: Callable[[], float],
     site: Site | None = None,
     warm: Sequence[Sequence[Leg]] = (),
+    pace: Pace | None = None,
 ) -> PlanResult:
     """Search for the trajectory with the greatest objective that keeps every limit.
 
@@ -164,6 +166,7 @@ def plan(
         warm: Trajectories to begin with, such as those of a search that is continued or the rest
             of an earlier plan. They are joined to the start (``warm.rebased``); what cannot be
             flown is dropped. The result is never worse than the best of them that fits.
+        pace: How far the same search came before: it ends there again, whatever the clock says.
 
     Returns:
         The best trajectory and a few distinct others with what they are worth, information gain
@@ -182,17 +185,22 @@ def plan(
         return outcome.nothing_feasible(
             f"No trajectory: no point of the domain is in the water{area}."
         )
-    progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, config.planning_time_s)
+    limit_s = config.planning_time_s if pace is None else math.inf
+    progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, limit_s)
     unknown = independent_points(config, site, rng)
     if not len(unknown):
         unknown = belief.test_points
     search = Search(config, belief, start_xy, rng, budget, site)
     search.begin_with(warm)
-    iterations = config.search.iterations_max
-    done = 0
-    while not (progress.must_end() or search.is_exhausted or (iterations and done == iterations)):
-        part = done / iterations if iterations else elapsed_s() / config.planning_time_s
-        search.go_to(part)
+    most = (config.search.iterations_max or math.inf) if pace is None else pace.iterations
+    done, turns = 0, list[tuple[int, float]]()
+    while not (progress.must_end() or search.is_exhausted or done == most):
+        if pace is not None:
+            part = pace.part(done)
+        else:
+            part = elapsed_s() / config.planning_time_s if math.isinf(most) else done / most
+        if search.go_to(part):
+            turns.append((done, part))
         search.iterate()
         progress.candidates = search.candidates
         if search.best > progress.best:
@@ -200,8 +208,10 @@ def plan(
         done += 1
     trajectories = search.trajectories(unknown, in_haste=progress.cancelled)
     if not trajectories:
-        return outcome.dead_end(config, start_xy, progress)
-    return outcome.offered(config, budget, trajectories, progress, search.reservoir_full)
+        found = outcome.dead_end(config, start_xy, progress)
+    else:
+        found = outcome.offered(config, budget, trajectories, progress, search.reservoir_full)
+    return replace(found, pace=Pace(done, tuple(turns)))
 
 
 def independent_points(
@@ -313,8 +323,13 @@ class Search:
             self._warm.append(tuple(leg for edge in edges for leg in edge.legs))
             self._take(edges)
 
-    def go_to(self, part: float) -> None:
-        """Search from the start whose turn it is once this part (0..1) of the search is over."""
+    def go_to(self, part: float) -> bool:
+        """Search from the start whose turn it is once this part (0..1) of the search is over.
+
+        Returns:
+            Whether that is another than before, or another round of them.
+        """
+        before = self._round, self._start
         rounds = self._starts.bit_length()
         now = min(int(part * rounds), rounds - 1)
         while self._round < now:
@@ -325,6 +340,7 @@ class Search:
         start = self._left[int(within * len(self._left))]
         if start != self._start:
             self._search_from(start)
+        return before != (self._round, self._start)
 
     def _search_from(self, start: int) -> None:
         """Go on with the elite trajectories of a start; in the first round it is a new one."""

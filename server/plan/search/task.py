@@ -49,6 +49,7 @@ def run(
         warm=[without_approach(legs, way.legs) for legs in problem.warm],
         on_progress=report,
         is_cancelled=is_cancelled,
+        pace=problem.pace,
         elapsed_s=lambda: time.monotonic() - began_s,
     )
     return preceded(result, way.legs, problem.planner, problem.budget)
