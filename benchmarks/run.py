@@ -60,6 +60,7 @@ AREAS = {
     "design_page": "benchmarks.station.design_page",
     "stored": "benchmarks.station.stored",
     "samples": "benchmarks.station.samples",
+    "decisions": "benchmarks.station.decisions",
 }
 """The module that measures each, in the order of the table."""
 OUTPUT = Path("build/bench.json")

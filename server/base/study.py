@@ -8,7 +8,7 @@ models of the study's kind, kept as their JSON; REST shows one model that holds 
 import asyncio
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, Generic, TypeVar
@@ -97,10 +97,19 @@ async def worked_out(
     """Return what a task leaves.
 
     Raises:
+        JobError: As ``answer_of``.
+    """
+    return await answer_of(workers.run(task, problem, on_progress=on_news))
+
+
+async def answer_of(work: Awaitable[Any]) -> Any:  # noqa: ANN401 - what the task leaves
+    """Return what work of a worker leaves.
+
+    Raises:
         JobError: The task failed, its process died, or there is no answer.
     """
     try:
-        found = await workers.run(task, problem, on_progress=on_news)
+        found = await work
     except WORKER_FAILURES as error:
         raise JobError(str(error)) from error
     if isinstance(found, Refusal):

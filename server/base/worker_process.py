@@ -82,6 +82,7 @@ class Question:
         self.stopped_at: int | None = None
 
     def __call__(self) -> bool:
+        """Tell whether to stop."""
         self._asked += 1
         stops = self._must_stop()
         if stops and self.stopped_at is None:

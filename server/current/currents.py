@@ -33,13 +33,15 @@ from db.query.measured.smoothing import newest_fix, track_columns
 from db.query.station.events import add_event
 from db.query.station.settings import get_setting, put_setting
 from robot_link.messages import RobotId
+from server.base.decision.decisions import Cause
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.current.decided import LEARNED_CURRENT
 from server.current.event import CurrentChanged
 from server.current.observing import Seen, Stay, dives_seen
 from server.current.record import KeptObservation
-from server.current.task import LEARN_CURRENT, CurrentLearning
+from server.current.task import CurrentLearning
 from server.current.told import FOLDER as TOLD_FOLDER
 from server.current.told import read_told, told_current
 from server.current.water_current import Taken, WaterCurrent
@@ -297,7 +299,9 @@ class Currents:
             self._tell(here.water)
         if grown.is_learning_due and not self._is_learning:
             self._is_learning = True
-            self._foundation.background.start(f"learn the current of {robot}", self._learn(grown))
+            self._foundation.background.start(
+                f"learn the current of {robot}", self._learn(robot, grown)
+            )
 
     async def _keep(self, robot: RobotId, taken: Taken, piece: _Piece) -> None:
         at, water = self._foundation.clock.now(), _digest(self._of[robot])
@@ -313,12 +317,14 @@ class Currents:
 
         await self._store.write(write)
 
-    async def _learn(self, asked: WaterCurrent) -> None:
+    async def _learn(self, robot: str, asked: WaterCurrent) -> None:
         """Learn the settings of a water's map from its observations, and keep what was found."""
         observations = asked.known.observations
         problem = CurrentLearning(asked.config, observations, asked.water.latitude_deg)
         try:
-            learned: CurrentMapConfig = await self._workers.run(LEARN_CURRENT, problem)
+            learned: CurrentMapConfig = await self._foundation.decisions.make(
+                LEARNED_CURRENT, problem, Cause(robot), self._workers
+            )
             async with self._turn:
                 here = self._waters.get(asked.water)
                 if here is None or here.config != asked.config:

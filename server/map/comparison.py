@@ -12,12 +12,14 @@ from autonomy.field.score import Scores
 from db.column import moment
 from db.query.measured.samples import SampleColumns
 from db.query.station.events import add_event
+from server.base.decision.decisions import Cause
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import conflict, not_found
-from server.base.study import worked_out
+from server.base.study import answer_of
 from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
+from server.map.decided import COMPARED_MODELS
 from server.map.field_maps import FieldMaps
 from server.map.field_model import MODEL_TITLES
 from server.map.grid import grid_of
@@ -25,7 +27,7 @@ from server.map.group import MapGroup
 from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
 from server.map.samples import field_samples, in_moving_water, map_columns, usable
 from server.map.site_map import basis_of, view_on_grid
-from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
+from server.map.task import Compared, ComparisonProblem
 from server.map.view import (
     AxesView,
     ComparedModelScores,
@@ -102,8 +104,14 @@ class MapComparisons:
         )
         carrier = self._maps.carrier(group)
         problem = await asyncio.to_thread(_problem, group, columns, carrier)
-        found: Compared = await worked_out(
-            self._workers, COMPARE_MAPS, problem, lambda news: progress.report(*news)
+        found: Compared = await answer_of(
+            self._foundation.decisions.make(
+                COMPARED_MODELS,
+                problem,
+                Cause(robot, versions={"field": self._maps.version(robot)}),
+                self._workers,
+                on_progress=lambda news: progress.report(*news),
+            )
         )
         if not found.models:
             raise JobError(f"No model could be made of the samples. {found.message}")

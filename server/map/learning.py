@@ -21,20 +21,22 @@ from db.query.station import configurations as query
 from db.query.station.events import add_event
 from server.base.configuration import CurrentConfiguration, current
 from server.base.configuration_kind import find_kind
+from server.base.decision.decisions import Cause
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import conflict
-from server.base.study import worked_out
+from server.base.study import answer_of
 from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.water import Water
 from server.map.comparison import map_group
+from server.map.decided import LEARNED_KERNELS
 from server.map.event import DivesSmoothed
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
 from server.map.samples import field_samples, in_moving_water, map_columns
-from server.map.task import LEARN_FIELD, LearningProblem
+from server.map.task import LearningProblem
 from server.map.view import LearnedView
 
 log = logging.getLogger(__name__)
@@ -140,8 +142,14 @@ class MapLearning:
 
         samples = await asyncio.to_thread(prepared)
         problem = LearningProblem(group.config, samples, _SEED)
-        learned: LearnedConfig = await worked_out(
-            self._workers, LEARN_FIELD, problem, lambda news: progress.report(*news)
+        learned: LearnedConfig = await answer_of(
+            self._foundation.decisions.make(
+                LEARNED_KERNELS,
+                problem,
+                Cause(robot, versions={"field": held[robot].id}),
+                self._workers,
+                on_progress=lambda news: progress.report(*news),
+            )
         )
         view = await self._keep(robot, held, group.config, learned, len(samples))
         return view.model_dump()

@@ -459,10 +459,11 @@ class Planning:
             lambda sentence: self._ledger.set_progress(plan, replace(start, waiting=sentence)),
         )
         self._ledger.set_progress(plan, start)
+        field = await self._foundation.configurations.current("field", plan.robot)
         return await self._foundation.decisions.make(
             SURVEY_ROUND,
             problem,
-            Cause(plan.robot, plan.id, {"planner": request.config_id}),
+            Cause(plan.robot, plan.id, {"planner": request.config_id, "field": field.id}),
             self._workers,
             on_progress=lambda point: self._ledger.set_progress(
                 plan, _progress(point, config.planning_time_s)

@@ -8,16 +8,18 @@ from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from db.query.fleet.robots import get_robot
 from db.query.mission.missions import MissionRecord
+from server.base.decision.decisions import Cause
 from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
+from server.map.decided import COMPARED_MODELS
 from server.map.field_maps import FieldMaps
 from server.map.field_model import MODEL_TITLES
 from server.map.group import field_config_of
-from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
+from server.map.task import Compared, ComparisonProblem
 from server.map.view import ScoresView
+from server.plan.search.decided import MAP_UNCERTAINTY
 from server.plan.search.round_problem import RoundProblems
-from server.plan.task import MAP_STD
 from server.survey.mission_ledger import MissionLedger
 
 log = logging.getLogger(__name__)
@@ -29,6 +31,7 @@ async def map_scores(
     workers: WorkerPool,
     robot: str,
     config: PlannerConfig,
+    mission: str = "",
 ) -> list[ScoresView]:
     """Return the scores of every field model, each made of all samples of the robot's water.
 
@@ -48,7 +51,8 @@ async def map_scores(
         is_simulated=record.simulated,
         with_maps=False,
     )
-    found: Compared = await workers.run(COMPARE_MAPS, problem)
+    cause = Cause(robot, mission, {"field": settings.id})
+    found: Compared = await foundation.decisions.make(COMPARED_MODELS, problem, cause, workers)
     return [
         ScoresView(
             model=one.model,
@@ -95,7 +99,10 @@ class SurveyMaps:
         config = PlannerConfig.model_validate(record.config)
         problem = await self._problems.map(record.robot, config)
         try:
-            std: float = await self._workers.run(MAP_STD, problem)
+            cause = Cause(record.robot, record.id)
+            std: float = await self._foundation.decisions.make(
+                MAP_UNCERTAINTY, problem, cause, self._workers
+            )
         except WORKER_FAILURES as error:
             log.warning("the map after %s was not judged: %s", after_plan, error)
             return None
@@ -119,7 +126,7 @@ class SurveyMaps:
         variable = field.value_as(FieldConfig).variable
         try:
             views = await map_scores(
-                self._foundation, self._problems, self._workers, record.robot, config
+                self._foundation, self._problems, self._workers, record.robot, config, record.id
             )
         except WORKER_FAILURES as error:
             text = f"{reason}. The map was not scored: {error}"

@@ -78,6 +78,13 @@ def get_job(session: Session, job: str) -> JobRecord:
     return _record(row)
 
 
+def newest_job(session: Session, kind: str, robot: str) -> JobRecord | None:
+    """Return the newest job of a kind that a robot has and that is done, ``None`` without any."""
+    statement = select(Job).where(Job.kind == kind, Job.robot == robot, Job.state == "done")
+    row = session.scalars(statement.order_by(Job.key.desc()).limit(1)).one_or_none()
+    return None if row is None else _record(row)
+
+
 def list_jobs(
     session: Session,
     *,

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from autonomy.planner.plan import Candidate, Pace, PlanResult
 from robot_link.mission import leg_integers
 from server.base.decision.kind import DecisionKind
-from server.plan.task import PLAN_SURVEY, SurveyProblem
+from server.plan.task import MAP_STD, PLAN_SURVEY, MapProblem, SurveyProblem
 
 
 def outcome_of_search(result: PlanResult) -> object:
@@ -52,4 +52,24 @@ SURVEY_ROUND = DecisionKind(
     pace=lambda result: result.pace,
     paced=_paced,
     candidates=lambda result: result.candidates,
+)
+
+
+def _uncertainty(std: float) -> object:
+    return {"std": std}
+
+
+def _no_seed(problem: MapProblem) -> tuple[int, ...]:
+    del problem
+    return ()
+
+
+MAP_UNCERTAINTY = DecisionKind(
+    key="uncertainty",
+    title="Uncertainty of a map, by which a survey ends",
+    task=MAP_STD,
+    problem=MapProblem,
+    outcome=_uncertainty,
+    map_parts=("field", "samples"),
+    seed=_no_seed,
 )

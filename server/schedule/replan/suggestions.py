@@ -19,6 +19,7 @@ from db.query.station.events import EventRecord, add_event, newest_of_kinds
 from robot_link.dry_run import DryRunProblem
 from robot_link.messages import LinkState
 from robot_link.mission import Mission, MissionSettings
+from server.base.decision.decisions import Cause
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import Problem, conflict
@@ -36,9 +37,10 @@ from server.plan.search.request import SearchRequest, as_set
 from server.plan.state import PlanChanged
 from server.schedule.condition import AtTime, Condition, NextSurfacing
 from server.schedule.replan.contacts import Contacts
+from server.schedule.replan.decided import SUGGESTION
 from server.schedule.replan.opportunity import Opportunity, opportunity_of
 from server.schedule.replan.present import Present
-from server.schedule.replan.problem import SUGGEST, SuggestionFound, SuggestionProblem
+from server.schedule.replan.problem import SuggestionFound, SuggestionProblem
 from server.schedule.replan.told import SUGGESTED, Told, inputs_of, told_of
 from server.schedule.replan.words import MEASURES, basis_text, gain_of, verdict_text
 from server.schedule.schedule import Schedule
@@ -202,7 +204,8 @@ class Suggestions:
         before = await self._replaced(robot)
         request = await self._request(chance, by, before)
         problem = await self._problem(chance, request)
-        found = await self._search(problem, chance.search_s, progress)
+        cause = Cause(robot, present.plan.id, {"planner": request.config_id})
+        found = await self._search(problem, cause, chance.search_s, progress)
         gain = None
         if found.new is not None:
             gain = gain_of(request.config.objective, found.keep, found.new)
@@ -292,7 +295,7 @@ class Suggestions:
         return None if found is None else replace(found, start_ne_m=present.begins_ne_m)
 
     async def _search(
-        self, problem: SuggestionProblem, search_s: float, progress: JobProgress
+        self, problem: SuggestionProblem, cause: Cause, search_s: float, progress: JobProgress
     ) -> SuggestionFound:
         def tell(point: ObjectivePoint) -> None:
             share = _SEARCHED * min(1.0, point.elapsed_s / search_s)
@@ -300,7 +303,9 @@ class Suggestions:
 
         progress.report(0.0, "Searching")
         try:
-            return await self._foundation.workers.run(SUGGEST, problem, on_progress=tell)
+            return await self._foundation.decisions.make(
+                SUGGESTION, problem, cause, self._foundation.workers, on_progress=tell
+            )
         except WORKER_FAILURES as error:
             raise JobError(f"Nothing was suggested: {error} The present plan goes on.") from error
 

@@ -18,6 +18,7 @@ from server.plan.search import task as planner
 from server.plan.task import SurveyProblem
 from server.recording.decision_kind import KINDS
 from tests.server.conftest import FAST, until
+from tests.server.map.test_map_learning import ended, mapped, tell_samples
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 BY_CLOCK = {**FAST, "search": {"iterations_max": 0}, "adaptive": {"rehearse": False}}
@@ -97,3 +98,27 @@ async def test_plans_are_made_the_same_once_more_and_whatever_was_changed_shows(
     assert "not kept whole" in because[3]
     assert "before it could say how far" in because[4]
     assert "numpy was 1.0 then" in because[5]
+
+
+async def test_what_is_learned_and_compared_of_a_map_is_found_the_same_once_more(
+    client, station, world
+):
+    tell_samples(world, 30)
+    await mapped(station, 30)
+    for work in ("comparison", "learning"):
+        answer = await client.post(f"/api/robots/mini-1/maps/blue_light/{work}")
+        assert (await ended(station, answer.json()["job"])).state == "done"
+    answer = await client.post("/api/robots/mini-1/decisions/replay")
+    assert answer.status_code == 202, answer.text
+    job = await ended(station, answer.json()["id"])
+    assert (job.state, job.result["same"]) == ("done", 2), job.result
+    shown = (await client.get("/api/robots/mini-1/decisions")).json()
+    assert [(one["kind"], one["verdict"]) for one in shown["decisions"]] == [
+        ("comparison", "same"),
+        ("kernels", "same"),
+    ]
+    assert shown["count"] == 2
+    one, other = shown["decisions"]
+    assert one["map_sha256"] == other["map_sha256"]
+    others = (await client.get("/api/robots/grace-1/decisions")).json()
+    assert others["decisions"] == []

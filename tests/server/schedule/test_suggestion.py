@@ -55,11 +55,9 @@ class Searchers(FakeWorkers):
         self.may_suggest.set()
         self.breaks = False
 
-    async def run(self, pool, task, payload, *, on_progress=None, processor_limit_s=None):
+    async def run(self, pool, task, payload, **more):
         if not isinstance(payload, SuggestionProblem):
-            return await super().run(
-                pool, task, payload, on_progress=on_progress, processor_limit_s=processor_limit_s
-            )
+            return await super().run(pool, task, payload, **more)
         self.asked.append(payload)
         await self.may_suggest.wait()
         if self.breaks:

@@ -5,6 +5,7 @@ import { done, newKey, of, told, versioned } from './call';
 import { AlarmApi } from './alarm';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
+import { DecisionApi } from './decision';
 import { DeliveryApi } from './delivery';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
@@ -79,6 +80,7 @@ export class Api {
   robots = () => told(this.#http.GET('/api/robots'));
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
+  readonly decisions = new DecisionApi(this.#http);
   readonly delivery = new DeliveryApi(this.#http);
   readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
