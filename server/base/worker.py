@@ -24,6 +24,9 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """One thread a process: threads of algebra that wait for each other cost more than they bring."""
 _LARGE_BYTES = 1 << 16
 _ENDED = "The working process ended unexpectedly; nothing was changed."
+Withdrawn = tuple[Any, int | None]
+"""A task's result, and the number of the question whether to stop that was answered with yes first;
+``None`` where none was."""
 T = TypeVar("T")
 
 
@@ -153,7 +156,7 @@ class WorkerPool:
         *,
         on_progress: Callable[[Any], None] | None = None,
         processor_limit_s: float | None = None,
-        on_withdrawn: Callable[[Any, int | None], None] | None = None,
+        on_withdrawn: Callable[[Withdrawn | None], None] | None = None,
     ) -> Any:  # noqa: ANN401 - the task's own result
         """Run one task and return its result.
 
@@ -161,9 +164,8 @@ class WorkerPool:
         processor: a machine that is busy with something else takes nothing of it.
 
         Cancelling the awaiting asyncio task cancels the work: the task is asked to stop and its
-        process is ended if it does not within ``CANCEL_GRACE_S``. What a task leaves that stopped
-        by itself is told to ``on_withdrawn``, with the number of the question whether to stop that
-        was answered with yes first; ``None`` where it asked no more.
+        process is ended if it does not within ``CANCEL_GRACE_S``. Where it had begun,
+        ``on_withdrawn`` is told what it left, ``None`` if it was ended by force or raised.
 
         Raises:
             WorkerTaskError: The task raised.
@@ -215,7 +217,7 @@ class WorkerPool:
 
     async def _follow(
         self, worker: _Process, on_progress: Callable[[Any], None] | None
-    ) -> tuple[Any, int | None]:
+    ) -> Withdrawn:
         while True:
             kind, *values = await worker.receive()
             if kind == wire.PROGRESS and on_progress is not None:
@@ -228,18 +230,19 @@ class WorkerPool:
                 raise WorkerSpentError
 
     async def _withdraw(
-        self, worker: _Process, on_withdrawn: Callable[[Any, int | None], None] | None
+        self, worker: _Process, on_withdrawn: Callable[[Withdrawn | None], None] | None
     ) -> None:
-        """Let a cancelled task end by itself, else end its process."""
+        """Let a cancelled task end by itself, else end its process; tell what it left."""
+        left: Withdrawn | None = None
         try:
             await worker.send(wire.frame((wire.CANCEL,)))
             async with asyncio.timeout(self._grace_s):
-                result, stopped_at = await self._follow(worker, None)
-            if on_withdrawn is not None:
-                on_withdrawn(result, stopped_at)
+                left = await self._follow(worker, None)
         except TimeoutError:
             await worker.kill()
             if self._grace_s:
                 log.warning("A worker did not stop when asked to and was ended")
-        except (*WORKER_FAILURES, WorkerSpentError):
-            return
+        except (*WORKER_FAILURES, WorkerSpentError) as error:
+            log.debug("a task that was cancelled left nothing: %s", error)
+        if on_withdrawn is not None:
+            on_withdrawn(left)

@@ -41,7 +41,8 @@ class DecisionReplays:
     async def found(self, robot: str) -> Mapping[str, tuple[str, str]]:
         """Return word and reason of the decisions that the newest whole replay made once more."""
         job = await self._store.query(lambda session: newest_job(session, _KIND, robot))
-        told = cast("list[list[str]]", ((job and job.result) or {}).get("verdicts", []))
+        result = {} if job is None or job.result is None else job.result
+        told = cast("list[list[str]]", result.get("verdicts", []))
         return {decision: (word, because) for decision, word, because in told}
 
 

@@ -61,7 +61,7 @@ class DecisionView(View):
     """Of the samples and settings of the map among that."""
     outcome_sha256: str | None
     """Of what came of it, quantized."""
-    verdict: Annotated[str | None, one_of("same", "different", "cannot")]
+    verdict: Annotated[str, one_of("same", "different", "cannot")] | None
     """By the newest replay; ``null`` where that did not reach it."""
     because: str
     """Why it is not the same, a sentence without its end; "" where it is."""

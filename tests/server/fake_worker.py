@@ -10,7 +10,7 @@ import numpy as np
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
 from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack, Safety
-from server.base.worker import WorkerPool, WorkerTaskError
+from server.base.worker import Withdrawn, WorkerPool, WorkerTaskError
 from server.map.task import COMPARE_MAPS
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.task import MAP_STD, SurveyProblem
@@ -53,7 +53,7 @@ class FakeWorkers:
         *,
         on_progress: Callable[[object], None] | None = None,
         processor_limit_s: float | None = None,
-        on_withdrawn: Callable[[object, int | None], None] | None = None,
+        on_withdrawn: Callable[[Withdrawn | None], None] | None = None,
     ) -> object:
         """Do what ``WorkerPool.run`` does; a pool's own method calls it."""
         return await fake.run(
@@ -73,7 +73,7 @@ class FakeWorkers:
         *,
         on_progress: Callable[[object], None] | None = None,
         processor_limit_s: float | None = None,
-        on_withdrawn: Callable[[object, int | None], None] | None = None,
+        on_withdrawn: Callable[[Withdrawn | None], None] | None = None,
     ) -> object:
         if isinstance(payload, SurveyProblem):
             self.problems.append(payload)

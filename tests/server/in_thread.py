@@ -5,7 +5,7 @@ import importlib
 import threading
 from collections.abc import Callable
 
-from server.base.worker import WorkerPool, WorkerTaskError
+from server.base.worker import Withdrawn, WorkerPool, WorkerTaskError
 from server.base.worker_process import Question
 
 
@@ -15,7 +15,7 @@ async def run_in_thread(
     payload: object,
     *,
     on_progress: Callable[[object], None] | None = None,
-    on_withdrawn: Callable[[object, int | None], None] | None = None,
+    on_withdrawn: Callable[[Withdrawn | None], None] | None = None,
 ) -> object:
     """Do what ``WorkerPool.run`` does, for tests of which processes are not the subject."""
     del pool
@@ -34,8 +34,9 @@ async def run_in_thread(
     except asyncio.CancelledError:
         cancelled.set()
         await asyncio.wait([work])
-        if on_withdrawn is not None and work.exception() is None:
-            on_withdrawn(work.result(), question.stopped_at)
+        if on_withdrawn is not None:
+            failed = work.exception() is not None
+            on_withdrawn(None if failed else (work.result(), question.stopped_at))
         raise
     except Exception as error:
         raise WorkerTaskError(f"{type(error).__name__}: {error}") from error

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from types import GenericAlias
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -124,7 +125,8 @@ def quantized(value: object) -> object:
 @cache
 def _adapter(kind: type[Any]) -> TypeAdapter[tuple[Any]]:
     # In a tuple, since the configuration of a bare dataclass is its own alone.
-    return TypeAdapter(tuple[kind], config=ConfigDict(arbitrary_types_allowed=True))
+    alone: Any = GenericAlias(tuple, (kind,))
+    return TypeAdapter(alone, config=ConfigDict(arbitrary_types_allowed=True))
 
 
 def _text(tree: Any) -> bytes:  # noqa: ANN401 - any JSON

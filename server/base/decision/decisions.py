@@ -16,7 +16,7 @@ from server.base.decision.content import Packed, digest, packed, packed_json, qu
 from server.base.decision.kind import DecisionKind, part_of
 from server.base.decision.software import software
 from server.base.lifetime import Background
-from server.base.worker import WorkerPool, WorkerTaskError
+from server.base.worker import Withdrawn, WorkerPool, WorkerTaskError
 
 log = logging.getLogger(__name__)
 
@@ -63,18 +63,19 @@ class Decisions:
             WorkerEndedError: The process died; no decision was made.
         """
         at = self._clock.now()
-        told: list[tuple[R, int | None]] = []
+        told: list[Withdrawn | None] = []
         work = workers.run(
             kind.task,
             problem,
             on_progress=on_progress,
-            on_withdrawn=lambda result, stopped_at: told.append((result, stopped_at)),
+            on_withdrawn=told.append,
         )
         try:
             result: R = await work
         except asyncio.CancelledError:
-            end = _Ended("ended") if not told else _Ended("cancelled", *told[0])
-            await self._keep(kind, problem, cause, at, end)
+            for left in told:  # nothing was decided where the work had not begun
+                end = _Ended("ended") if left is None else _Ended("cancelled", *left)
+                await self._keep(kind, problem, cause, at, end)
             raise
         except WorkerTaskError as error:
             await self._keep(kind, problem, cause, at, _Ended("failed", message=str(error)))
