@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -143,7 +143,7 @@ def _replayed(folder: Path) -> tuple[int, int]:
 
 
 @contextmanager
-def _busy(processes: int) -> Iterator[None]:
+def _busy(processes: int) -> Generator[None]:
     """Keep all processors busy with something else."""
     workers = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(processes)]
     for worker in workers:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Select, and_, func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from db.decision_tables import DecisionContentRow, DecisionRow
@@ -109,14 +109,14 @@ def list_decisions(
         wanted: Which.
         newest: At most so many, the newest.
     """
-    statement = _chosen(select(DecisionRow, Robot.id), wanted).order_by(DecisionRow.key.desc())
-    rows = session.execute(statement.limit(newest)).all()
+    statement = select(DecisionRow, Robot.id).where(*_limits(wanted))
+    rows = session.execute(statement.order_by(DecisionRow.key.desc()).limit(newest)).all()
     return [_record(row, robot) for row, robot in reversed(rows)]
 
 
 def count_decisions(session: Session, wanted: DecisionRange) -> int:
     """Return how many decisions there are."""
-    statement = _chosen(select(func.count()).select_from(DecisionRow), wanted)
+    statement = select(func.count()).select_from(DecisionRow).where(*_limits(wanted))
     return session.scalar(statement) or 0
 
 
@@ -132,15 +132,15 @@ def content_of(session: Session, sha256: str) -> bytes | None:
     return content if hashlib.sha256(content).hexdigest() == sha256 else None
 
 
-def _chosen(statement: Select[Any], wanted: DecisionRange) -> Select[Any]:
-    limits = [DecisionRow.robot_key == Robot.key]
+def _limits(wanted: DecisionRange) -> list[ColumnElement[bool]]:
+    limits: list[ColumnElement[bool]] = [DecisionRow.robot_key == Robot.key]
     if wanted.robots is not None:
         limits.append(Robot.id.in_(wanted.robots))
     if wanted.start is not None:
         limits.append(DecisionRow.at >= wanted.start)
     if wanted.end is not None:
         limits.append(DecisionRow.at < wanted.end)
-    return statement.where(and_(*limits))
+    return limits
 
 
 def _record(row: DecisionRow, robot: str) -> DecisionRecord:
