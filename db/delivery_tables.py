@@ -1,4 +1,4 @@
-"""Table of the files that were written of deployments."""
+"""Tables of what was written of deployments: files, and deliveries with them."""
 
 from datetime import datetime
 
@@ -25,3 +25,21 @@ class DeliveryFileRow(Base):
     """What the checks said, and what else is to be known of it."""
     at: Mapped[datetime]
     by: Mapped[str]
+
+
+class DeliveryPackageRow(Base):
+    """One delivery as it was packed: a ZIP, kept by its hash until it expires."""
+
+    __tablename__ = "delivery_package"
+    __table_args__ = (Index(None, "file_key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    file_key: Mapped[int] = mapped_column(ForeignKey("delivery_file.key"))
+    """The NetCDF file in it, and with it the deployment."""
+    name: Mapped[str]
+    sha256: Mapped[str]
+    bytes: Mapped[int] = mapped_column(BigInteger)
+    has_journal: Mapped[bool]
+    at: Mapped[datetime]
+    by: Mapped[str]
+    expires_at: Mapped[datetime]

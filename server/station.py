@@ -75,8 +75,8 @@ CAPABILITIES = (
     notice,
     scene,
     recording,
-    delivery,
     logbook,
+    delivery,
 )
 """Each stands on those before it alone."""
 ROUTERS = tuple(router for capability in CAPABILITIES for router in capability.ROUTERS)

@@ -120,7 +120,9 @@ class JobBoard:
         )
         job = replace(job, state="running")
         self._show(job)
-        self._tasks[job.id] = asyncio.create_task(self._run(job.id, work), name=f"{kind} {job.id}")
+        task = asyncio.create_task(self._run(job.id, work), name=f"{kind} {job.id}")
+        self._tasks[job.id] = task
+        task.add_done_callback(lambda _: self._never_began(job.id))
         # A task that is cancelled before its first step would never note its own end.
         await asyncio.sleep(0)
         return self._running.get(job.id, job)
@@ -129,6 +131,10 @@ class JobBoard:
     def running(self) -> list[JobRecord]:
         """The jobs under way, with their newest progress."""
         return list(self._running.values())
+
+    def is_running(self, job: str) -> bool:
+        """Tell whether a job is under way."""
+        return job in self._running
 
     async def get(self, job: str) -> JobRecord:
         """Return a job, running or ended.
@@ -193,6 +199,13 @@ class JobBoard:
             self._tasks.pop(job)
             self._bus.publish(JobChanged(record))
 
+    def _never_began(self, job: str) -> None:
+        """Let go of a job that was cancelled before its first step, which has noted no end."""
+        record = self._running.pop(job, None)
+        self._tasks.pop(job, None)
+        if record is not None:
+            self._bus.publish(JobChanged(replace(record, state="cancelled")))
+
     def _show(self, job: JobRecord) -> None:
         self._running[job.id] = job
         self._bus.publish(JobChanged(job))
@@ -213,11 +226,12 @@ class JobPerKey(Generic[Key]):
 
     def __bool__(self) -> bool:
         """Whether there is any."""
-        return bool(self._running)
+        return any(map(self._board.is_running, self._running.values()))
 
     def get(self, key: Key) -> str | None:
         """Return the id of the job about something, if one is under way."""
-        return self._running.get(key)
+        job = self._running.get(key)
+        return job if job is not None and self._board.is_running(job) else None
 
     def newest(self, key: Key) -> str | None:
         """Return the id of the newest job about something since the station began, or ``None``."""
@@ -236,6 +250,34 @@ class JobPerKey(Generic[Key]):
         Raises:
             StoreError: Nothing was begun.
         """
+        return await self._start(key, work, by, robot, refusal=None)
+
+    async def start_alone(
+        self,
+        key: Key,
+        work: Callable[[JobProgress], Awaitable[Mapping[str, Any]]],
+        *,
+        refusal: str,
+        by: str,
+        robot: str | None = None,
+    ) -> str:
+        """Begin a job; return its id.
+
+        Raises:
+            StoreError: Nothing was begun.
+            Problem: 409 with the refusal while one is under way.
+        """
+        return await self._start(key, work, by, robot, refusal=refusal)
+
+    async def _start(
+        self,
+        key: Key,
+        work: Callable[[JobProgress], Awaitable[Mapping[str, Any]]],
+        by: str,
+        robot: str | None,
+        *,
+        refusal: str | None,
+    ) -> str:
         is_over = False
 
         async def until_done(progress: JobProgress) -> Mapping[str, Any]:
@@ -247,11 +289,13 @@ class JobPerKey(Generic[Key]):
                 self._running.pop(key, None)
 
         async with self._starting:
-            running = self._running.get(key)
+            running = self.get(key)
             if running is not None:
+                if refusal is not None:
+                    raise conflict(refusal)
                 return running
             job = await self._board.start(self._kind, until_done, by=by, robot=robot)
             self._newest[key] = job.id
-            if not is_over and any(one.id == job.id for one in self._board.running):
+            if not is_over and self._board.is_running(job.id):
                 self._running[key] = job.id
             return job.id

@@ -119,8 +119,9 @@ async def write_file(
     422 names what the metadata lack; nothing is written then. 409 while one is being written.
     """
     wish = body or NewFile()
-    job = await files.start(deployment, no_better_data=wish.no_better_data, by=caller.name)
-    return FileJobView(job.id)
+    return FileJobView(
+        await files.start(deployment, no_better_data=wish.no_better_data, by=caller.name)
+    )
 
 
 @router.get(
@@ -147,11 +148,12 @@ def _views(session: Session, deployment: str) -> FilesView:
     return FilesView(
         mode=mode_of(record),
         missing=[MissingField(path, title) for path, title in metadata.missing()],
-        files=[_view(one) for one in delivery_files(session, deployment, _SHOWN_MAX)],
+        files=[file_view(one) for one in delivery_files(session, deployment, _SHOWN_MAX)],
     )
 
 
-def _view(file: DeliveryFile) -> FileView:
+def file_view(file: DeliveryFile) -> FileView:
+    """Return a file as REST tells it."""
     kept = file.document
     return same(
         FileView,

@@ -21,6 +21,8 @@ from server.delivery.own_check import own_checks
 
 TASK = f"{__name__}:run"
 OWN_SUITE = "own"
+PART = ".part"
+"""Marks what is not whole yet."""
 _CHUNK_CACHE_BYTES = 1 << 20
 
 
@@ -46,30 +48,37 @@ def kept_path(folder: Path, sha256: str) -> Path:
 
 
 def run(order: FileOrder, report: Report, is_cancelled: IsCancelled) -> KeptFile:
-    """Write a file, check it, and keep it whole or not at all.
+    """Judge a deployment, write its file, check it, and keep it whole or not at all.
 
     Raises:
         WorkCancelledError: If the work is not wanted any more.
         ValueError: If the disk does not take the file.
     """
+    report((0.05, "Reading and judging"))
+    with reading(order.wanted.database_url) as session:
+        found = judged(session, order.wanted, is_cancelled)
+        return keep_file(session, order, found, report, is_cancelled)
+
+
+def keep_file(
+    session: Session, order: FileOrder, found: Judged, report: Report, is_cancelled: IsCancelled
+) -> KeptFile:
+    """Write the file of rows that were judged in the same session; see ``run``."""
     # by default each variable keeps up to 64 MiB of chunks, which is all of most files
     netCDF4.set_chunk_cache(_CHUNK_CACHE_BYTES)
     order.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    part = order.folder / f".{secrets.token_hex(8)}.part.nc"
+    part = order.folder / f".{secrets.token_hex(8)}{PART}.nc"
     try:
-        report((0.05, "Reading and judging"))
-        with reading(order.wanted.database_url) as session:
-            found = judged(session, order.wanted, is_cancelled)
-            written = _written(session, order, found, part, report, is_cancelled)
-            report((0.72, "Reading it back"))
-            findings = own_checks(part, f"{order.identity}.nc")
-            findings += list(_differences(session, order, written, is_cancelled))
+        written = _written(session, order, found, part, report, is_cancelled)
+        report((0.72, "Reading it back"))
+        findings = own_checks(part, f"{order.identity}.nc")
+        findings += list(_differences(session, order, written, is_cancelled))
         own = CheckReport(
             OWN_SUITE, order.software, "findings" if findings else "passed", tuple(findings), "", 0
         )
         report((0.8, "Asking the checkers of the field"))
         checks = (own, *field_checks(part, is_cancelled))
-        sha256, size = _synced(part)
+        sha256, size = synced(part)
         part.replace(kept_path(order.folder, sha256))
     finally:
         part.unlink(missing_ok=True)
@@ -137,7 +146,7 @@ def _names(order: FileOrder) -> dict[str, str]:
     return {file_variable(channel).name: key for key, channel in order.channels.items()}
 
 
-def _synced(part: Path) -> tuple[str, int]:
+def synced(part: Path) -> tuple[str, int]:
     """Have the disk keep a file; return the hash of its content and its size."""
     digest = hashlib.sha256()
     with part.open("rb") as file:

@@ -10,24 +10,25 @@ from typing import Any, Final
 from sqlalchemy.orm import Session
 
 from autonomy.field.config import FieldConfig
-from db.fault import StoreError
+from autonomy.quality.rules import QualityRules
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.fleet.robots import get_robot
 from db.query.measured.delivery_files import DeliveryFile, add_delivery_file, delivery_files
-from db.query.measured.quality import manual_flags
+from db.query.measured.quality import manual_flags, newest_quality_run
+from db.query.station.configurations import configuration_at
 from db.query.station.events import add_event
-from db.query.station.jobs import JobRecord
 from robot_link.delivery_config import DeliveryMetadata
 from server.base.channels import catalogue_in
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
 from server.base.foundation import Foundation
-from server.base.job import JobError, JobProgress
+from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import FieldError, conflict, unprocessable
 from server.base.study import worked_out
 from server.delivery import file_task
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
+from server.delivery.package_order import words_sha256
 from server.delivery.quality import wanted_of
 
 JOB = "file"
@@ -51,6 +52,19 @@ def metadata_of(session: Session, robot: str) -> DeliveryMetadata:
     return current(session, find_kind("delivery"), robot).value_as(DeliveryMetadata)
 
 
+def reviewed_rules(session: Session, record: DeploymentRecord) -> QualityRules:
+    """Return the rules that whoever reviewed a deployment saw: of the newest run before, else
+    those that held then.
+    """
+    at = datetime.fromisoformat(record.document["review"]["at"])
+    run = newest_quality_run(session, record.id, until=at)
+    if run is not None:
+        return QualityRules.model_validate(run.rules)
+    held = configuration_at(session, "quality", record.robot, at)
+    kind = find_kind("quality")
+    return QualityRules.model_validate(kind.default.model_dump() if held is None else held.value)
+
+
 def order_of(
     session: Session,
     deployment: str,
@@ -71,7 +85,8 @@ def order_of(
     if record.void_reason:
         raise conflict(f"{deployment} is void: {record.void_reason}")
     mode = mode_of(record)
-    wanted = wanted_of(session, deployment, database_url, smoothed=mode == "D")
+    rules = reviewed_rules(session, record) if mode == "D" else None
+    wanted = wanted_of(session, deployment, database_url, smoothed=mode == "D", rules=rules)
     metadata = metadata_of(session, record.robot)
     errors = [
         FieldError(loc=["metadata", *path.split(".")], msg=f"{title}: must be filled in")
@@ -112,7 +127,7 @@ def write_kept(
             anew, of other times, or void.
     """
     record = order.wanted.deployment
-    _refuse_changed(session, order)
+    refuse_changed(session, order)
     file = add_delivery_file(
         session,
         record.id,
@@ -136,7 +151,7 @@ def write_kept(
     return file
 
 
-def _refuse_changed(session: Session, order: FileOrder) -> None:
+def refuse_changed(session: Session, order: FileOrder) -> None:
     """Refuse a file that tells of its deployment what is not so any more."""
     begun, now = order.wanted.deployment, get_deployment(session, order.wanted.deployment.id)
     has_other_end = begun.last_at is not None and begun.last_at != now.last_at
@@ -154,6 +169,8 @@ def _document(order: FileOrder, kept: KeptFile) -> Mapping[str, Any]:
         "checks": [asdict(one) for one in kept.checks],
         "source_sha256": kept.source_sha256,
         "history": order.history,
+        "written_at": order.written_at.isoformat(),
+        "words_sha256": words_sha256(order),
         "raised": kept.raised,
         "left_out": kept.left_out,
         "rule_set_sha256": order.wanted.rules.sha256,
@@ -161,20 +178,24 @@ def _document(order: FileOrder, kept: KeptFile) -> Mapping[str, Any]:
     }
 
 
+Writing = JobPerKey[str]
+"""Jobs that write something of a deployment, one at a time of each."""
+
+
 class DeliveryFiles:
-    """Has files written, one at a time for each deployment. Belongs to one event loop."""
+    """Has files written. Belongs to one event loop."""
 
-    def __init__(self, foundation: Foundation) -> None:
+    def __init__(self, foundation: Foundation, writing: Writing) -> None:
         self._foundation = foundation
-        self._running: set[str] = set()
+        self._writing = writing
 
-    async def start(self, deployment: str, *, no_better_data: bool, by: str) -> JobRecord:
-        """Begin to write a file.
+    async def start(self, deployment: str, *, no_better_data: bool, by: str) -> str:
+        """Begin to write a file; return the id of the job.
 
         Raises:
             UnknownIdError: If there is none of this id.
-            Problem: 409 if it has not begun, is void, or a file is being written; 422 for what
-                the metadata lack.
+            Problem: 409 if it has not begun, is void, or something is being written of it; 422
+                for what the metadata lack.
         """
         foundation = self._foundation
         at = foundation.clock.now()
@@ -188,33 +209,24 @@ class DeliveryFiles:
                 at=at,
             )
         )
-        if deployment in self._running:
-            raise conflict(f"A file of {deployment} is being written; wait for it, or cancel it.")
-        self._running.add(deployment)
-        try:
-            return await foundation.jobs.start(
-                JOB,
-                lambda progress: self._work(order, by, progress),
-                by=by,
-                robot=order.robot.id,
-            )
-        except StoreError:
-            self._running.discard(deployment)
-            raise
+        return await self._writing.start_alone(
+            deployment,
+            lambda progress: self._work(order, by, progress),
+            refusal=f"A file of {deployment} is being written; wait for it, or cancel it.",
+            by=by,
+            robot=order.robot.id,
+        )
 
     async def _work(self, order: FileOrder, by: str, progress: JobProgress) -> dict[str, str]:
-        foundation, deployment = self._foundation, order.wanted.deployment.id
-        try:
-            kept = await worked_out(
-                foundation.study_workers,
-                file_task.TASK,
-                order,
-                lambda news: progress.report(*news),
-            )
-            at = foundation.clock.now()
-            file = await foundation.store.write(
-                lambda session: write_kept(session, order, kept, at, by)
-            )
-        finally:
-            self._running.discard(deployment)
-        return {"deployment": deployment, "file": file.id}
+        foundation = self._foundation
+        kept = await worked_out(
+            foundation.study_workers,
+            file_task.TASK,
+            order,
+            lambda news: progress.report(*news),
+        )
+        at = foundation.clock.now()
+        file = await foundation.store.write(
+            lambda session: write_kept(session, order, kept, at, by)
+        )
+        return {"deployment": order.wanted.deployment.id, "file": file.id}

@@ -1,5 +1,6 @@
 """The rows of a deployment with their flags, as workers make them."""
 
+import hashlib
 from collections import defaultdict
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,6 +10,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.frames import wgs84_from_ned
 from autonomy.quality.flag import MISSING, FlagArray, og1_flags
 from autonomy.quality.judgement import (
     Judgement,
@@ -28,7 +30,7 @@ _CHANNEL = "channel:"
 """Before the key of a channel, which may be called like a column of another kind."""
 POSITION, DEPTH = "position", "depth"
 """Series beside those of the channels."""
-Report = Callable[[object], None]
+Report = Callable[[tuple[float, str]], None]
 IsCancelled = Callable[[], bool]
 
 
@@ -125,6 +127,38 @@ def blocks_of(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Ge
             raise WorkCancelledError
         if len(block):
             yield block
+
+
+def add_rows(digest: "hashlib._Hash", block: RowBlock) -> None:
+    """Add rows to a hash over all that a file is made of."""
+    for part in (block.measured_at_us, block.position_ned, *block.value.values()):
+        digest.update(np.ascontiguousarray(part).tobytes())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Where rows were taken."""
+
+    wgs84: FloatArray
+    """Latitude and longitude, degrees, and depth, m; shape ``(n, 3)``, NaN where nobody told."""
+    is_known: BoolArray
+    """Whether latitude and longitude are told, shape ``(n,)``."""
+    raised: int
+    """Depths just above the surface, which stand as 0."""
+
+
+def places_of(block: RowBlock, wanted: Wanted) -> Placed:
+    """Return where rows were taken, as files tell it."""
+    site = wanted.deployment.site
+    places = np.full((len(block), 3), np.nan)
+    known = np.all(np.isfinite(block.position_ned[:, :2]), axis=1)
+    places[known, :2] = wgs84_from_ned(
+        block.position_ned[known, :2], site.origin_latitude_deg, site.origin_longitude_deg
+    )
+    depth = block.position_ned[:, 2]
+    above = (depth < 0.0) & (depth >= -wanted.rules.depth.above_m)
+    places[:, 2] = np.where(above, 0.0, depth)
+    return Placed(places, known, int(np.count_nonzero(above)))
 
 
 def judged(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Judged:

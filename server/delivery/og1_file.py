@@ -17,7 +17,6 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import FloatArray
 from autonomy.channel import Channel
 from autonomy.field.fidelity import fidelity_level
-from autonomy.frames import wgs84_from_ned
 from autonomy.quality import phase as phases
 from autonomy.quality.flag import OG1_FILL, FlagArray
 from db.query.measured.merged_rows import RowBlock
@@ -29,7 +28,9 @@ from server.delivery.judged import (
     IsCancelled,
     Judged,
     Report,
+    add_rows,
     blocks_of,
+    places_of,
 )
 from server.delivery.og1_channel import FileVariable, file_variable, vocabulary
 from server.delivery.og1_header import Extent, write_header
@@ -43,7 +44,9 @@ FIX, RECKONED, SMOOTHED = 1, 2, 3
 _DIVING = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _SURFACED = (RobotMode.IDLE, RobotMode.TURNING, RobotMode.SURFACED, RobotMode.HOLDING)
 _PROPELLED = (RobotMode.SWIMMING, RobotMode.TRACKING, RobotMode.SEARCHING, RobotMode.DRIVEN)
-_STATE_VARIABLES: Final = (
+StateVariable = tuple[str, str, str, str | None, str, float]
+"""Channel of a state, name, unit, CF name, title, and by what values are multiplied."""
+STATE_VARIABLES: Final[tuple[StateVariable, ...]] = (
     ("pitch_rad", "PITCH", "degree", "platform_pitch", "pitch, nose up positive", 180.0 / np.pi),
     ("roll_rad", "ROLL", "degree", "platform_roll", "roll, starboard down positive", 180.0 / np.pi),
     ("heading_rad", "HEADING", "degree", "platform_orientation", "heading", 180.0 / np.pi),
@@ -86,8 +89,7 @@ def write_file(
         layout = _Layout(file, order, found)
         for block in blocks_of(session, order.wanted, is_cancelled):
             raised += layout.write(offset, block)
-            for part in (block.measured_at_us, block.position_ned, *block.value.values()):
-                digest.update(np.ascontiguousarray(part).tobytes())
+            add_rows(digest, block)
             offset += len(block)
             report((0.4 + 0.3 * offset / total, f"Writing row {offset} of {total}"))
         source = digest.hexdigest()
@@ -117,15 +119,8 @@ class _Layout:
     def write(self, offset: int, block: RowBlock) -> int:
         """Write rows from one on; return how many depths were above the surface."""
         rows = slice(offset, offset + len(block))
-        site = self._order.wanted.deployment.site
-        places = np.full((len(block), 3), np.nan)
-        known = np.all(np.isfinite(block.position_ned[:, :2]), axis=1)
-        places[known, :2] = wgs84_from_ned(
-            block.position_ned[known, :2], site.origin_latitude_deg, site.origin_longitude_deg
-        )
-        depth = block.position_ned[:, 2]
-        above = (depth < 0.0) & (depth >= -self._order.wanted.rules.depth.above_m)
-        places[:, 2] = np.where(above, 0.0, depth)
+        placed = places_of(block, self._order.wanted)
+        places, known = placed.wgs84, placed.is_known
         times_s = block.measured_at_us / 1e6
         self.extent.take(times_s, places, block.has_fix)
         self._put("TIME", rows, times_s)
@@ -143,11 +138,11 @@ class _Layout:
         for key, named in self._names.items():
             self._put(named.name, rows, block.value[key])
             self._put_integers(f"{named.name}_QC", rows, self._flags[key][rows])
-        for key, name, *_, factor in _STATE_VARIABLES:
+        for key, name, *_, factor in STATE_VARIABLES:
             values = block.state[key] * factor
             self._put(name, rows, values % 360.0 if name == "HEADING" else values)
         self._put_flags(rows, block)
-        return int(np.count_nonzero(above))
+        return placed.raised
 
     def _put_flags(self, rows: slice, block: RowBlock) -> None:
         position, depth = self._flags[POSITION][rows], self._flags[DEPTH][rows]
@@ -358,7 +353,7 @@ class _Layout:
             )
 
     def _make_flight(self) -> None:
-        for _, name, unit, standard_name, title, _ in _STATE_VARIABLES:
+        for _, name, unit, standard_name, title, _ in STATE_VARIABLES:
             attributes = {
                 "units": unit,
                 "standard_name": standard_name,

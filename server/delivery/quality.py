@@ -5,19 +5,17 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from autonomy.quality.rules import QualityRules
-from db.fault import StoreError
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.measured import quality as query
 from db.query.measured.quality import FlagStateError, ManualFlag
 from db.query.measured.samples import sampled_variables
 from db.query.station.events import add_event
-from db.query.station.jobs import JobRecord
 from server.base.channels import catalogue_in
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
 from server.base.dependency import period_of
 from server.base.foundation import Foundation
-from server.base.job import JobProgress
+from server.base.job import JobPerKey, JobProgress
 from server.base.problem import FieldError, conflict, unprocessable
 from server.base.study import worked_out
 from server.delivery import quality_task
@@ -30,9 +28,14 @@ FLAG_WORDS = {1: "good", 2: "probably good", 3: "probably bad", 4: "bad"}
 
 
 def wanted_of(
-    session: Session, deployment: str, database_url: str, *, smoothed: bool = False
+    session: Session,
+    deployment: str,
+    database_url: str,
+    *,
+    smoothed: bool = False,
+    rules: QualityRules | None = None,
 ) -> Wanted:
-    """Return what a worker judges of a deployment, by the rules that hold for its robot.
+    """Return what a worker judges of a deployment, by default by the rules of its robot now.
 
     Raises:
         UnknownIdError: If there is none of this id.
@@ -40,7 +43,8 @@ def wanted_of(
     """
     record = get_deployment(session, deployment)
     period_of(record)
-    rules = current(session, find_kind("quality"), record.robot).value_as(QualityRules)
+    if rules is None:
+        rules = current(session, find_kind("quality"), record.robot).value_as(QualityRules)
     known = catalogue_in(session)
     return Wanted(
         database_url=database_url,
@@ -145,10 +149,10 @@ class QualityRuns:
 
     def __init__(self, foundation: Foundation) -> None:
         self._foundation = foundation
-        self._running: set[str] = set()
+        self._runs = JobPerKey[str](foundation.jobs, JOB)
 
-    async def start(self, deployment: str, *, by: str) -> JobRecord:
-        """Begin a run.
+    async def start(self, deployment: str, *, by: str) -> str:
+        """Begin a run; return the id of the job.
 
         Raises:
             UnknownIdError: If there is none of this id.
@@ -157,19 +161,13 @@ class QualityRuns:
         url = self._foundation.settings.resolved_database_url
         store = self._foundation.store
         wanted = await store.query(lambda session: wanted_of(session, deployment, url))
-        if deployment in self._running:
-            raise conflict(f"A run over {deployment} is under way; wait for it, or cancel it.")
-        self._running.add(deployment)
-        try:
-            return await self._foundation.jobs.start(
-                JOB,
-                lambda progress: self._work(wanted, by, progress),
-                by=by,
-                robot=wanted.deployment.robot,
-            )
-        except StoreError:
-            self._running.discard(deployment)
-            raise
+        return await self._runs.start_alone(
+            deployment,
+            lambda progress: self._work(wanted, by, progress),
+            refusal=f"A run over {deployment} is under way; wait for it, or cancel it.",
+            by=by,
+            robot=wanted.deployment.robot,
+        )
 
     async def flag(self, deployment: str, *, by: str, **said: object) -> ManualFlag:
         """Set a flag; see ``write_flag``."""
@@ -204,17 +202,14 @@ class QualityRuns:
             raise conflict(str(error)) from error
 
     async def _work(self, wanted: Wanted, by: str, progress: JobProgress) -> dict[str, str]:
-        try:
-            found = await worked_out(
-                self._foundation.study_workers,
-                quality_task.TASK,
-                wanted,
-                lambda news: progress.report(*news),
-            )
-            at = self._foundation.clock.now()
-            await self._foundation.store.write(
-                lambda session: write_run(session, wanted, found, at, by)
-            )
-        finally:
-            self._running.discard(wanted.deployment.id)
+        found = await worked_out(
+            self._foundation.study_workers,
+            quality_task.TASK,
+            wanted,
+            lambda news: progress.report(*news),
+        )
+        at = self._foundation.clock.now()
+        await self._foundation.store.write(
+            lambda session: write_run(session, wanted, found, at, by)
+        )
         return {"deployment": wanted.deployment.id}

@@ -132,7 +132,7 @@ async def run_quality(caller: Pilot, deployment: str, runs: QualityRunsDep) -> Q
 
     409 while a run over this deployment is under way. What earlier runs found is kept.
     """
-    return QualityJobView((await runs.start(deployment, by=caller.name)).id)
+    return QualityJobView(await runs.start(deployment, by=caller.name))
 
 
 @router.post("/{deployment}/flags", status_code=201)

@@ -43,10 +43,10 @@ def json_blocks(session: Session, entries: LogFilter | None, told: ToldFilter) -
 
 def csv_blocks(session: Session, entries: LogFilter | None, told: ToldFilter) -> Iterator[str]:
     """Return CSV with a line for each; no cell is one that a spreadsheet takes for a formula."""
-    yield _csv_line(_COLUMNS)
+    yield csv_line(_COLUMNS)
     for item in items_of(session, entries, told):
         row = _row(item)
-        yield _csv_line([_cell(row.get(column)) for column in _COLUMNS])
+        yield csv_line([cell(row.get(column)) for column in _COLUMNS])
 
 
 def _row(item: LogItem) -> dict[str, Any]:
@@ -88,7 +88,8 @@ def _said(version: LogVersion) -> dict[str, Any]:
     }
 
 
-def _cell(value: object) -> str:
+def cell(value: object) -> str:
+    """Return a value as a cell that no spreadsheet takes for a formula."""
     if value is None:
         return ""
     if isinstance(value, list):
@@ -97,7 +98,8 @@ def _cell(value: object) -> str:
     return f"'{text}" if text.startswith(_FORMULA) else text
 
 
-def _csv_line(cells: Iterable[str]) -> str:
+def csv_line(cells: Iterable[str]) -> str:
+    """Return a line of CSV with its end."""
     file = io.StringIO()
-    csv.writer(file).writerow(cells)
+    csv.writer(file, lineterminator="\n").writerow(cells)
     return file.getvalue()

@@ -16,6 +16,24 @@ _MAP: Final = 460
 Scale = Callable[[float], float]
 
 
+_SHAPES: Final = {
+    "doubtful": ("M-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0-6.8 0", "#fff", "#555"),
+    "suspect": ("M0-4.5L4.5 0L0 4.5L-4.5 0Z", "#f0a000", "#7a4a00"),
+    "bad": ("M-3.6-3.6L3.6 3.6M3.6-3.6L-3.6 3.6", "none", "#c00000"),
+}
+"""Path, fill and stroke of each kind of mark: colour and shape both tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A value of a curve that is to be noticed."""
+
+    at: datetime
+    value: float
+    kind: str
+    """``doubtful``, ``suspect`` or ``bad``."""
+
+
 @dataclass(frozen=True, slots=True)
 class Curve:
     """Values over time."""
@@ -27,6 +45,7 @@ class Curve:
     is_downwards: bool = False
     least_span: float = 0.0
     """Its axis spans at least so much, so that noise does not look like a dive."""
+    marks: Sequence[Mark] = ()
 
 
 def curve_figure(curve: Curve, first: datetime, last: datetime) -> str:
@@ -56,12 +75,44 @@ def curve_figure(curve: Curve, first: datetime, last: datetime) -> str:
 
     parts = [_grid(x, y, ticks, first, span_s)]
     parts += [_line([(x(s), y(v)) for s, v in run]) for run in _runs(points, span_s)]
+    parts += [
+        mark_shape(one.kind, x((one.at - first).total_seconds()), y(one.value))
+        for one in curve.marks
+    ]
     title = f"{curve.title}, {curve.unit}" if curve.unit else curve.title
     return _svg(_WIDTH, _HEIGHT, title, "".join(parts))
 
 
-def track_figure(title: str, north_m: Sequence[float], east_m: Sequence[float]) -> str:
-    """Return a track from above as SVG, north up, with a scale; "" where there is none."""
+def mark_shape(kind: str, x: float, y: float) -> str:
+    """Return a mark as SVG at a place of its figure."""
+    path, fill, stroke = _SHAPES[kind]
+    place = f"translate({x:.1f} {y:.1f})"
+    look = f'fill="{fill}" stroke="{stroke}" stroke-width="1.6"'
+    return f'<path class="{kind}" transform="{place}" d="{path}" {look}/>'
+
+
+def legend_mark(kind: str) -> str:
+    """Return a mark as it stands in a line of text."""
+    shape = mark_shape(kind, 6.0, 6.0)
+    return f'<svg viewBox="0 0 12 12" width="12" height="12" role="img">{shape}</svg>'
+
+
+def track_figure(
+    title: str,
+    north_m: Sequence[float],
+    east_m: Sequence[float],
+    outline: Sequence[tuple[float, float]] = (),
+    marks: Sequence[tuple[float, float, str]] = (),
+) -> str:
+    """Return a track from above as SVG, north up, with a scale; "" where there is none.
+
+    Args:
+        title: What stands above it.
+        north_m: Where it leads, in the water's frame.
+        east_m: The same.
+        outline: Corners of the water, north and east.
+        marks: Places that are to be noticed, north and east, with the kind of mark.
+    """
     places = [
         (north, east)
         for north, east in zip(north_m, east_m, strict=True)
@@ -69,7 +120,8 @@ def track_figure(title: str, north_m: Sequence[float], east_m: Sequence[float]) 
     ]
     if not places:
         return ""
-    norths, easts = [north for north, _ in places], [east for _, east in places]
+    shown = [*places, *outline]
+    norths, easts = [north for north, _ in shown], [east for _, east in shown]
     side_m = max(max(norths) - min(norths), max(easts) - min(easts), 1.0) * 1.1
     middle = (max(norths) + min(norths)) / 2.0, (max(easts) + min(easts)) / 2.0
 
@@ -83,7 +135,7 @@ def track_figure(title: str, north_m: Sequence[float], east_m: Sequence[float]) 
     bar_m = _nice(side_m / 4.0)
     bar = bar_m / side_m * _MAP
     ends = (("begin", line[0], "#fff"), ("end", line[-1], "#0b5cad"))
-    marks = "".join(
+    ends_shown = "".join(
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" stroke="#0b5cad"/>'
         f'<text x="{x + 7:.1f}" y="{y + 4:.1f}">{name}</text>'
         for name, (x, y), fill in ends
@@ -94,7 +146,10 @@ def track_figure(title: str, north_m: Sequence[float], east_m: Sequence[float]) 
         '<text x="12" y="20">N &#8593;</text>'
     )
     frame = f'<rect width="{_MAP}" height="{_MAP}" fill="none" stroke="#bbb"/>'
-    return _svg(_MAP, _MAP, title, frame + _line(line) + marks + scale)
+    shore = " ".join(f"{x:.1f},{y:.1f}" for x, y in (spot(*corner) for corner in outline))
+    water = f'<polygon points="{shore}" fill="#eaf3fb" stroke="#7a9cb8"/>' if shore else ""
+    noted = "".join(mark_shape(kind, *spot(north, east)) for north, east, kind in marks)
+    return _svg(_MAP, _MAP, title, frame + water + _line(line) + noted + ends_shown + scale)
 
 
 def _grid(x: Scale, y: Scale, ticks: Sequence[float], first: datetime, span_s: float) -> str:

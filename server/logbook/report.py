@@ -29,10 +29,10 @@ _CURVES: Final = (
     ("battery_v", "Battery", "V", False, 0.5),
 )
 """Channel, title, unit, whether it is drawn downwards, and the least span of its axis."""
-_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-HEADERS: Final = {"Content-Security-Policy": f"{_POLICY}; sandbox", "Cache-Control": "no-store"}
+POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+HEADERS: Final = {"Content-Security-Policy": f"{POLICY}; sandbox", "Cache-Control": "no-store"}
 """A report that is opened at the station can do there as little as from a disk."""
-_STYLE: Final = """
+STYLE: Final = """
 body { font: 14px/1.45 system-ui, sans-serif; color: #111; background: #fff; max-width: 780px;
   margin: 24px auto; padding: 0 16px; }
 h1 { font-size: 22px; margin: 0 0 4px; } h2 { font-size: 17px; margin: 22px 0 6px;
@@ -91,9 +91,9 @@ def report_blocks(
             day = f"{at:%Y-%m-%d}"
             yield f"<h3>{day}, UTC</h3>"
         if item.entry is not None:
-            yield from _entry(item.entry, pictures)
+            yield from entry_html(item.entry, pictures)
         elif item.event is not None:
-            yield _event(item.event)
+            yield event_html(item.event)
     if not day:
         yield "<p class=muted>Nothing is written of this time.</p>"
     for robot in order.robots:
@@ -102,17 +102,17 @@ def report_blocks(
 
 
 def _head(order: ReportOrder) -> str:
-    first, last = _moment(order.period.first), _moment(order.until)
+    first, last = moment_text(order.period.first), moment_text(order.until)
     simulated = "<p class=simulated>SIMULATION: no robot was in the water.</p>"
     robots = ", ".join(escape(robot.name) for robot in order.robots) or "no robot"
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Log book, {first} to {last}</title><style>{_STYLE}</style></head><body>"
+        f"<title>Log book, {first} to {last}</title><style>{STYLE}</style></head><body>"
         f"<h1>Log book</h1><p>{first} to {last}</p>"
         f"{simulated if order.is_simulation else ''}"
-        f"<p class=muted>{robots}. Made for {escape(order.made_by)}, {_moment(order.made_at)}; "
+        f"<p class=muted>{robots}. Made for {escape(order.made_by)}, {moment_text(order.made_at)}; "
         "all times are UTC.</p>"
     )
 
@@ -124,9 +124,9 @@ def _watches(session: Session, order: ReportOrder) -> Iterator[str]:
         yield "<h2>On watch</h2><table><tr><th>Who</th><th>From</th><th>To</th><th>Hours</th></tr>"
         for shift in shifts:
             hours = shift.hours_in(period.first, order.until)
-            end = "on watch" if shift.ended_at is None else _moment(shift.ended_at)
+            end = "on watch" if shift.ended_at is None else moment_text(shift.ended_at)
             yield (
-                f"<tr><td>{escape(shift.person)}</td><td>{_moment(shift.began_at)}</td>"
+                f"<tr><td>{escape(shift.person)}</td><td>{moment_text(shift.began_at)}</td>"
                 f"<td>{end}</td><td>{hours:.1f}</td></tr>"
             )
         yield "</table>"
@@ -137,7 +137,7 @@ def _watches(session: Session, order: ReportOrder) -> Iterator[str]:
 def _page(page: ShiftPage) -> str:
     taken = "nobody took over"
     if page.taken_by is not None and page.taken_at is not None:
-        taken = f"taken over by <b>{escape(page.taken_by)}</b>, {_moment(page.taken_at)}"
+        taken = f"taken over by <b>{escape(page.taken_by)}</b>, {moment_text(page.taken_at)}"
     document, standing = page.document, standing_of(page)
     alarms = [
         f"{one['level']}: {one['text']}"
@@ -150,19 +150,20 @@ def _page(page: ShiftPage) -> str:
         f"{one['title']} of {one['robot']}: {'; '.join(item['text'] for item in one['items'])}"
         for one in standing["checklists"] or ()
     ]
-    open_lists = "" if standing["checklists"] is None else _listed("Open checklists", lists)
+    open_lists = "" if standing["checklists"] is None else listed_html("Open checklists", lists)
     return (
-        f"<h2>Signed: {page.id}</h2><p>{_moment(page.began_at)} to {_moment(page.ended_at)}, "
-        f"signed by <b>{escape(page.left_by)}</b>, {_moment(page.left_at)}; {taken}.</p>"
+        f"<h2>Signed: {page.id}</h2><p>{moment_text(page.began_at)} to "
+        f"{moment_text(page.ended_at)}, signed by <b>{escape(page.left_by)}</b>, "
+        f"{moment_text(page.left_at)}; {taken}.</p>"
         f"<p>Weather: {escape(_weather(document['weather']))}</p>"
         f"{html_of(document['remarks']) if document['remarks'] else ''}"
-        f"{_listed('Overdue', late)}{_listed('Open alarms', alarms)}"
-        f"{open_lists}{_listed('Plans', plans)}"
+        f"{listed_html('Overdue', late)}{listed_html('Open alarms', alarms)}"
+        f"{open_lists}{listed_html('Plans', plans)}"
         f"<p class=hash>SHA-256 {page.sha256}</p>"
     )
 
 
-def _listed(title: str, lines: Sequence[str]) -> str:
+def listed_html(title: str, lines: Sequence[str]) -> str:
     """Return lines below a title; "none" where there are none."""
     if not lines:
         return f"<p>{title}: none</p>"
@@ -182,7 +183,8 @@ def _weather(told: dict[str, Any]) -> str:
     return ", ".join(part for part in parts if part) or "nobody wrote it down"
 
 
-def _entry(entry: LogEntry, pictures: Pictures) -> Iterator[str]:
+def entry_html(entry: LogEntry, pictures: Pictures | None) -> Iterator[str]:
+    """Return an entry; without pictures they are named alone."""
     newest = entry.newest
     marks = [
         newest.robot or "",
@@ -198,9 +200,12 @@ def _entry(entry: LogEntry, pictures: Pictures) -> Iterator[str]:
         f"<span class=muted>{more}</span></p><div{struck}>{html_of(newest.text)}</div>"
     )
     if newest.is_struck:
-        by, at = escape(newest.written_by), _moment(newest.written_at)
+        by, at = escape(newest.written_by), moment_text(newest.written_at)
         yield f"<p class=muted>Struck out by {by}, {at}</p>"
     for one in newest.attachments:
+        if pictures is None:
+            yield f"<p class=muted>With a picture: {escape(one.name)}</p>"
+            continue
         found = pictures.find(one.sha256)
         if found is None:
             yield f"<p class=muted>The picture {escape(one.name)} is missing.</p>"
@@ -211,7 +216,8 @@ def _entry(entry: LogEntry, pictures: Pictures) -> Iterator[str]:
     yield "</div>"
 
 
-def _event(event: EventRecord) -> str:
+def event_html(event: EventRecord) -> str:
+    """Return a line about something that happened."""
     grave = " grave" if event.level == "critical" else ""
     return f'<p class="told{grave}">{event.at:%H:%M:%S}Z {escape(event.text)}</p>'
 
@@ -231,5 +237,6 @@ def _figures(session: Session, robot: RobotRecord, order: ReportOrder) -> Iterat
     yield "".join(drawn) if drawn else "<p class=muted>Nothing was heard of this time.</p>"
 
 
-def _moment(at: datetime) -> str:
+def moment_text(at: datetime) -> str:
+    """Return a moment as reports write it."""
     return f"{at:%Y-%m-%d %H:%M:%S}Z"

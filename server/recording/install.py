@@ -1,4 +1,4 @@
-"""What recordings bring to the station."""
+"""Puts the capability together."""
 
 from server.access.subject import Subjects
 from server.base.foundation import Foundation

@@ -91,5 +91,10 @@ def get_delivery_file(session: Session, deployment: str, file: str) -> DeliveryF
     return _record(row)
 
 
+def kept_files(session: Session) -> set[str]:
+    """Return the hashes of all files that were written."""
+    return set(session.scalars(select(DeliveryFileRow.sha256)))
+
+
 def _record(row: DeliveryFileRow) -> DeliveryFile:
     return same(DeliveryFile, row, id=public_id(_FILE, row.key))

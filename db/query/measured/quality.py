@@ -100,14 +100,16 @@ def add_quality_run(
     return same(QualityRun, row)
 
 
-def newest_quality_run(session: Session, deployment: str) -> QualityRun | None:
-    """Return the run that counts, ``None`` before the first."""
-    row = session.scalar(
-        select(QualityRunRow)
-        .where(QualityRunRow.deployment_key == key_of("deployment", deployment))
-        .order_by(QualityRunRow.key.desc())
-        .limit(1)
+def newest_quality_run(
+    session: Session, deployment: str, until: datetime | None = None
+) -> QualityRun | None:
+    """Return the run that counts, or that counted at a moment; ``None`` before the first."""
+    runs = select(QualityRunRow).where(
+        QualityRunRow.deployment_key == key_of("deployment", deployment)
     )
+    if until is not None:
+        runs = runs.where(QualityRunRow.at <= until)
+    row = session.scalar(runs.order_by(QualityRunRow.key.desc()).limit(1))
     return None if row is None else same(QualityRun, row)
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
+from db.deployment_span import Period
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.fleet.robots import robot_key
@@ -104,6 +105,56 @@ def configuration_history(
         .limit(limit)
     )
     return [_record(row, robot) for row in rows]
+
+
+def configuration_at(
+    session: Session, kind: str, robot: str, at: datetime
+) -> ConfigurationRecord | None:
+    """Return the version that held for a robot at a moment: its own, else that for all.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    for key, name in ((robot_key(session, robot), robot), (None, None)):
+        row = session.scalar(
+            select(Configuration)
+            .where(
+                Configuration.kind == kind,
+                Configuration.robot_key.is_not_distinct_from(key),
+                Configuration.changed_at <= at,
+            )
+            .order_by(Configuration.key.desc())
+            .limit(1)
+        )
+        if row is not None:
+            return _record(row, name)
+    return None
+
+
+def configurations_in_force(
+    session: Session, robot: str, period: Period
+) -> list[ConfigurationRecord]:
+    """Return each version that held in a time for a robot or for all, the oldest first.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    is_about = or_(Configuration.robot_key == key, Configuration.robot_key.is_(None))
+    before = (
+        select(func.max(Configuration.key))
+        .where(is_about, Configuration.changed_at < period.first)
+        .group_by(Configuration.kind, Configuration.robot_key)
+    )
+    rows = session.scalars(
+        select(Configuration)
+        .where(
+            is_about,
+            or_(period.holds(Configuration.changed_at), Configuration.key.in_(before)),
+        )
+        .order_by(Configuration.key)
+    )
+    return [_record(row, None if row.robot_key is None else robot) for row in rows]
 
 
 def _record(row: Configuration, robot: str | None) -> ConfigurationRecord:

@@ -28,9 +28,21 @@ export class DeliveryApi {
         body: { no_better_data: noBetterData },
       }),
     );
+
+  delivery = (deployment: string) =>
+    told(this.#http.GET('/api/deployments/{deployment}/delivery', of({ deployment })));
+  deliver = (deployment: string, body: components['schemas']['NewPackage']) =>
+    told(
+      this.#http.POST('/api/deployments/{deployment}/delivery', { ...of({ deployment }), body }),
+    );
 }
 
 /** Where a file that was written is fetched from. */
 export function filePath(deployment: string, file: string): string {
   return `/api/deployments/${encodeURIComponent(deployment)}/files/${encodeURIComponent(file)}`;
+}
+
+/** Where a delivery that was packed is fetched from. */
+export function packagePath(deployment: string, id: string): string {
+  return `/api/deployments/${encodeURIComponent(deployment)}/delivery/${encodeURIComponent(id)}`;
 }
