@@ -26,6 +26,28 @@ class Contributor(Configuration):
     """Where this person is reached; it is published with the data."""
 
 
+class Sensor(Configuration):
+    """The instrument that measures a channel."""
+
+    kind: str = _text("Type", 40, r"^([A-Z][A-Z0-9_]*)?$")
+    """In capitals, as OceanGliders name it, such as CTD or FLUOROMETER."""
+    serial_number: str = _text("Serial number", 32, r"^[A-Za-z0-9_-]*$")
+    """Letters, digits, dashes."""
+    maker: str = _text("Maker", 100)
+    """Who built it."""
+    model: str = _text("Model", 100)
+    """As its maker calls it."""
+    calibrated_on: str = _text("Calibrated on", 10, r"^(\d{4}-\d{2}-\d{2})?$")
+    """Such as 2026-03-14."""
+
+    @property
+    def variable(self) -> str:
+        """Its name in a file; empty where type or serial number are not told."""
+        if not (self.kind and self.serial_number):
+            return ""
+        return f"SENSOR_{self.kind}_{self.serial_number}".upper().replace("-", "_")
+
+
 class DeliveryMetadata(Configuration):
     """What files of OG1.0 say besides the measurements."""
 
@@ -69,6 +91,8 @@ class DeliveryMetadata(Configuration):
     """Of the data set, where it has one."""
     acknowledgement: str = _text("Acknowledgement", 1000)
     """Whom users of the data should thank."""
+    sensors: dict[str, Sensor] = Field(default_factory=dict, title="Sensors")
+    """By the key of the channel that each measures."""
     license: Literal["", "CC-BY-4.0", "CC0-1.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0"] = Field(
         default="", title="Licence"
     )

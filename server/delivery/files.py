@@ -53,8 +53,9 @@ def metadata_of(session: Session, robot: str) -> DeliveryMetadata:
 
 
 def reviewed_rules(session: Session, record: DeploymentRecord) -> QualityRules:
-    """Return the rules that whoever reviewed a deployment saw: of the newest run before, else
-    those that held then.
+    """Return the rules that whoever reviewed a deployment saw.
+
+    They are those of the newest run before, else those that held then.
     """
     at = datetime.fromisoformat(record.document["review"]["at"])
     run = newest_quality_run(session, record.id, until=at)

@@ -347,7 +347,9 @@ class _Layout:
     def _make_channels(self) -> None:
         for key, named in self._names.items():
             channel, rule = self._order.channels[key], self._order.wanted.rules.series.get(key)
-            self._make(named.name, "f4", np.nan, _data(channel, named))
+            sensor = self._order.metadata.sensors.get(key)
+            told = _data(channel, named) | {"sensor": (sensor and sensor.variable) or None}
+            self._make(named.name, "f4", np.nan, told)
             self._make_flags(
                 named.name, self._rules(None if rule is None else rule.model_dump_json())
             )

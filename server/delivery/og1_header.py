@@ -13,6 +13,7 @@ from server.delivery.file_order import FileOrder
 COMPACT_TIME: Final = "%Y%m%dT%H%M%S"
 SIMULATED: Final = "SIMULATION: this robot does not exist."
 _NOTHING: Final = "n/a"
+_NO_BYTE: Final = -127
 _ROLES: Final = "http://vocab.nerc.ac.uk/collection/W08/current/"
 
 
@@ -46,6 +47,7 @@ class Extent:
 def write_header(file: Any, order: FileOrder, extent: Extent, source_sha256: str) -> None:  # noqa: ANN401 - netCDF4 has no types
     """Write everything that a file says once."""
     _write_scalars(file, order, extent)
+    _write_sensors(file, order)
     file.setncatts(
         {
             key: value
@@ -125,6 +127,24 @@ def _write_scalars(file: Any, order: FileOrder, extent: Extent) -> None:  # noqa
         variable = file.createVariable(name, "f8", ())
         variable[...] = value
         variable.setncatts(attributes)
+
+
+def _write_sensors(file: Any, order: FileOrder) -> None:  # noqa: ANN401 - netCDF4 has no types
+    """Describe each instrument once, however many channels it measures."""
+    for key, sensor in sorted(order.metadata.sensors.items()):
+        name = sensor.variable
+        if not name or key not in order.channels or name in file.variables:
+            continue
+        told = {
+            "long_name": f"{sensor.kind.lower().replace('_', ' ')} {sensor.serial_number}",
+            "sensor_type": sensor.kind,
+            "sensor_serial_number": sensor.serial_number,
+            "sensor_maker": sensor.maker,
+            "sensor_model": sensor.model,
+            "sensor_calibration_date": sensor.calibrated_on.replace("-", ""),
+        }
+        variable = file.createVariable(name, "i1", (), fill_value=_NO_BYTE)
+        variable.setncatts({one: value for one, value in told.items() if value})
 
 
 def _telecom(order: FileOrder) -> str:

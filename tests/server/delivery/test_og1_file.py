@@ -107,6 +107,16 @@ def test_a_robot_that_does_not_exist_says_so_everywhere(written):
         assert found.is_simulated == "yes"
 
 
+def test_an_instrument_is_described_once_and_named_by_what_it_measures(written):
+    _, _, path = written
+    with netCDF4.Dataset(path) as found:
+        sensors = [name for name in found.variables if name.startswith("SENSOR_")]
+        assert sensors == ["SENSOR_CTD_SN_12"]
+        assert {found[name].sensor for name in ("TEMP", "CNDC")} == set(sensors)
+        assert "sensor" not in found["CHLA"].ncattrs()
+        assert found[sensors[0]].sensor_calibration_date == "20260314"
+
+
 def test_a_robot_that_exists_has_no_mark_and_people_come_first(kept):
     store, url, folder = kept
     at = START + timedelta(seconds=20)

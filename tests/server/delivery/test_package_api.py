@@ -74,9 +74,7 @@ async def test_a_delivery_is_packed_listed_fetched_and_gone_when_it_expires(
     assert (await answered(client.get(f"{deployment}/delivery")))["state"] == "expired"
 
 
-async def test_what_has_ended_is_delivered_twice_as_the_same_bytes(
-    client, deployment, worked_here
-):
+async def test_what_has_ended_is_delivered_twice_as_the_same_bytes(client, deployment, worked_here):
     await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
     await answered(client.post(f"{deployment}/end"))
     first = await deliver(client, deployment)

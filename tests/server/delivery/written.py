@@ -11,7 +11,7 @@ from db.ingest import Telemetry
 from db.query.fleet.deployments import list_deployments
 from db.query.fleet.robots import get_robot
 from db.store import Store
-from robot_link.delivery_config import Contributor, DeliveryMetadata
+from robot_link.delivery_config import Contributor, DeliveryMetadata, Sensor
 from robot_link.messages import RobotMode
 from server.delivery.file_order import FileOrder
 from server.delivery.judged import Wanted
@@ -23,6 +23,11 @@ METADATA = DeliveryMetadata(
     operating_agency="A lake station",
     license="CC-BY-4.0",
     title="Lake survey",
+    sensors={
+        "temperature": Sensor(kind="CTD", serial_number="sn-12", calibrated_on="2026-03-14"),
+        "conductivity": Sensor(kind="CTD", serial_number="sn-12"),
+        "chlorophyll": Sensor(kind="FLUOROMETER"),
+    },
 )
 
 
