@@ -1,10 +1,10 @@
 """The rows of a deployment with their flags, as workers make them."""
 
-import hashlib
 from collections import defaultdict
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -23,6 +23,7 @@ from autonomy.quality.rules import QualityRules, SeriesRule
 from db.column import microseconds, moment
 from db.engine import read_engine
 from db.query.fleet.deployments import DeploymentRecord
+from db.query.measured.derived import derived_columns
 from db.query.measured.merged_rows import RowBlock, iterate_rows
 from db.query.measured.quality import ManualFlag, QualityStretch
 
@@ -45,10 +46,12 @@ class Wanted:
     database_url: str
     deployment: DeploymentRecord
     believable: Mapping[str, tuple[float, float]]
-    """Range of the catalogue, by the sampled channels that rows carry."""
+    """Range of the catalogue, by the channels that rows carry."""
     rules: QualityRules
     smoothed: bool
     """Whether samples are where they were after all."""
+    derived: tuple[str, ...] = ()
+    """Those of the channels that are computed ashore of others."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -121,15 +124,48 @@ def blocks_of(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Ge
     Raises:
         WorkCancelledError: Between two blocks.
     """
-    blocks = iterate_rows(session, wanted.deployment, wanted.channels, smoothed=wanted.smoothed)
-    for block in blocks:
+    sampled = [key for key in wanted.channels if key not in wanted.derived]
+    computed = _computed(session, wanted)
+    for block in iterate_rows(session, wanted.deployment, sampled, smoothed=wanted.smoothed):
         if is_cancelled():
             raise WorkCancelledError
         if len(block):
-            yield block
+            more = {key: _aligned(block, *found) for key, found in computed.items()}
+            yield replace(block, value={**block.value, **more}) if more else block
 
 
-def add_rows(digest: "hashlib._Hash", block: RowBlock) -> None:
+def _computed(session: Session, wanted: Wanted) -> dict[str, tuple[IntArray, FloatArray]]:
+    """Return times and values of the derived channels, worked out once for a reading."""
+    known = session.info.setdefault("derived", {})
+    record = wanted.deployment
+    for key in wanted.derived:
+        if key not in known:
+            found = derived_columns(
+                session, (record.robot,), key, record.begun_at, record.last_at, record.log
+            )
+            known[key] = found.measured_at_us, found.value
+    return known
+
+
+def _aligned(block: RowBlock, at_us: IntArray, values: FloatArray) -> FloatArray:
+    """Return values at the moments of a block, NaN where there is none."""
+    column = np.full(len(block), np.nan)
+    first, last = block.measured_at_us[0], block.measured_at_us[-1]
+    part = slice(*np.searchsorted(at_us, (first, last + 1)).tolist())
+    rows = np.searchsorted(block.measured_at_us, at_us[part])
+    column[rows] = values[part]
+    return column
+
+
+class Digest(Protocol):
+    """A hash that takes more and more."""
+
+    def update(self, data: bytes, /) -> None:
+        """Take what follows."""
+        ...
+
+
+def add_rows(digest: Digest, block: RowBlock) -> None:
     """Add rows to a hash over all that a file is made of."""
     for part in (block.measured_at_us, block.position_ned, *block.value.values()):
         digest.update(np.ascontiguousarray(part).tobytes())

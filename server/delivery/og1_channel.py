@@ -72,11 +72,19 @@ OF_CHANNEL: Mapping[str, FileVariable] = MappingProxyType(
         "nitrate": FileVariable(
             "NITRATE", "umol L-1", "mole_concentration_of_nitrate_in_sea_water"
         ),
+        "absolute_salinity": FileVariable(
+            "SA", "g kg-1", "sea_water_absolute_salinity", has_term=True
+        ),
+        "density": FileVariable("DENSITY", "kg m-3", "sea_water_density", has_term=True),
+        "sound_speed": FileVariable("SOUND_SPEED", "m s-1", "speed_of_sound_in_sea_water"),
+        "buoyancy_frequency_squared": FileVariable(
+            "BUOYANCY_FREQUENCY_SQUARED", "s-2", "square_of_brunt_vaisala_frequency_in_sea_water"
+        ),
         "sound_level": FileVariable("SOUND_LEVEL", "0.1 lg(re 1 uPa)"),
         "water_depth": FileVariable("WATER_DEPTH", "m", "sea_floor_depth_below_sea_surface"),
     }
 )
-"""The delivered channels that are sampled; a test fails for one without a row."""
+"""The delivered field channels, sampled or derived; a test fails for one without a row."""
 
 
 def file_variable(channel: Channel) -> FileVariable:

@@ -349,6 +349,8 @@ class _Layout:
             channel, rule = self._order.channels[key], self._order.wanted.rules.series.get(key)
             sensor = self._order.metadata.sensors.get(key)
             told = _data(channel, named) | {"sensor": (sensor and sensor.variable) or None}
+            if key in self._order.wanted.derived:
+                told["comment"] = _COMPUTED
             self._make(named.name, "f4", np.nan, told)
             self._make_flags(
                 named.name, self._rules(None if rule is None else rule.model_dump_json())
@@ -407,6 +409,9 @@ class _Layout:
         )
 
 
+_COMPUTED: Final = (
+    "computed by TEOS-10 at the times of temperature, to which what else it needs is interpolated"
+)
 _COORDINATES: Final = "TIME LATITUDE LONGITUDE DEPTH"
 
 

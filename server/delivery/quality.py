@@ -1,10 +1,12 @@
 """Quality control of deployments: runs of the rules that hold, and flags that people set."""
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from sqlalchemy.orm import Session
 
 from autonomy.quality.rules import QualityRules
+from autonomy.seawater import DERIVED, can_derive
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.measured import quality as query
 from db.query.measured.quality import FlagStateError, ManualFlag
@@ -46,16 +48,17 @@ def wanted_of(
     if rules is None:
         rules = current(session, find_kind("quality"), record.robot).value_as(QualityRules)
     known = catalogue_in(session)
+    sampled = channels_of(session, record)
+    derived = tuple(key for key in derived_of(sampled) if key in known)
     return Wanted(
         database_url=database_url,
         deployment=record,
         believable={
-            key: (known[key].low, known[key].high)
-            for key in channels_of(session, record)
-            if key in known
+            key: (known[key].low, known[key].high) for key in (*sampled, *derived) if key in known
         },
         rules=rules,
         smoothed=smoothed,
+        derived=derived,
     )
 
 
@@ -63,6 +66,17 @@ def channels_of(session: Session, record: DeploymentRecord) -> list[str]:
     """Return the channels that were sampled in a deployment, in the order of their names."""
     start, end = record.begun_at, record.last_at
     return sorted(sampled_variables(session, record.robot, start=start, end=end, log=record.log))
+
+
+def derived_of(sampled: Sequence[str]) -> list[str]:
+    """Return the channels that follow of those that were sampled."""
+    return [key for key in DERIVED if can_derive(key, set(sampled))]
+
+
+def series_of(session: Session, record: DeploymentRecord) -> list[str]:
+    """Return everything of a deployment that is judged and can be flagged."""
+    sampled = channels_of(session, record)
+    return [*sampled, *derived_of(sampled), POSITION, DEPTH]
 
 
 def write_run(
@@ -112,7 +126,7 @@ def write_flag(
     """
     record = get_deployment(session, deployment)
     period_of(record)
-    known = (*channels_of(session, record), POSITION, DEPTH)
+    known = series_of(session, record)
     errors: list[FieldError] = []
     if series not in known:
         errors.append(FieldError(loc=["series"], msg=f"must be one of {', '.join(known)}"))

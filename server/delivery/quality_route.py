@@ -17,8 +17,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service
 from server.base.view import Body, View
-from server.delivery.judged import DEPTH, POSITION
-from server.delivery.quality import QualityRuns, channels_of
+from server.delivery.quality import QualityRuns, series_of
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
 QualityRunsDep = Annotated[QualityRuns, Depends(service(QualityRuns))]
@@ -156,7 +155,7 @@ def _view(session: Session, deployment: str, limit: int) -> QualityView:
     has_begun = record.started_at is not None
     found = [] if run is None else quality_stretches(session, run.key, least=SUSPECT, limit=limit)
     return QualityView(
-        series=[*channels_of(session, record), POSITION, DEPTH] if has_begun else [],
+        series=series_of(session, record) if has_begun else [],
         run=None
         if run is None
         else same(

@@ -4,7 +4,9 @@ import asyncio
 
 import pytest
 
-from server.base.job import JobError
+from server.base.event_bus import JobChanged
+from server.base.job import JobError, JobPerKey
+from server.base.problem import Problem
 from tests.server.station_app import running, signed_in
 
 
@@ -86,6 +88,42 @@ async def test_a_job_can_be_called_off_before_its_first_step(jobs):
 
     job = await jobs.start("test", work, by="ann")
     assert (await jobs.cancel(job.id)).state == "cancelled"
+
+
+async def test_work_that_never_began_holds_its_place_no_more(app, jobs):
+    place = JobPerKey[str](jobs, "test")
+    begun: list[str] = []
+
+    def call_off_the_first(told):
+        if not begun:
+            begun.append(told.job.id)
+            # the task is made after this was told
+            asyncio.get_running_loop().call_soon(lambda: jobs._tasks[told.job.id].cancel())  # noqa: PLW0108
+
+    app.state.foundation.bus.subscribe(JobChanged, call_off_the_first)
+
+    async def work(progress):
+        return {}
+
+    await place.start_alone("lake", work, refusal="busy", by="ann")
+    second = await place.start_alone("lake", work, refusal="busy", by="ann")
+    assert second not in begun
+    assert (await ended(jobs, await jobs.get(second))).state == "done"
+
+
+async def test_a_second_one_of_the_same_is_refused_while_the_first_goes_on(jobs):
+    place, go_on = JobPerKey[str](jobs, "test"), asyncio.Event()
+
+    async def work(progress):
+        await go_on.wait()
+        return {}
+
+    first = await place.start_alone("lake", work, refusal="busy", by="ann")
+    with pytest.raises(Problem, match="busy"):
+        await place.start_alone("lake", work, refusal="busy", by="ann")
+    assert await place.start("lake", work, by="ann") == first
+    go_on.set()
+    assert (await ended(jobs, await jobs.get(first))).state == "done"
 
 
 async def test_work_under_way_at_the_end_is_noted(tmp_path):

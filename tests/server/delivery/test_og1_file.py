@@ -50,8 +50,8 @@ def written(kept):
     return order, file, kept_path(folder, file.sha256)
 
 
-def test_every_sampled_channel_of_the_catalogue_has_its_row():
-    assert set(SAMPLED) == set(OF_CHANNEL)
+def test_every_field_channel_of_the_catalogue_has_its_row():
+    assert {key for key, one in CHANNELS.items() if one.kind == "field"} == set(OF_CHANNEL)
     assert {one.name for one in OF_CHANNEL.values() if one.has_term} <= TERMS
     names = [one.name for one in OF_CHANNEL.values()]
     assert len(set(names)) == len(names)
@@ -105,6 +105,18 @@ def test_a_robot_that_does_not_exist_says_so_everywhere(written):
         assert found.comment.startswith("SIMULATION: this robot does not exist.")
         assert found.summary.startswith("SIMULATION: this robot does not exist.")
         assert found.is_simulated == "yes"
+
+
+def test_what_follows_of_measurements_stands_where_temperature_was_measured(written):
+    _, _, path = written
+    with netCDF4.Dataset(path) as found:
+        told = ~np.ma.getmaskarray(found["TEMP"][:])
+        computed = ~np.ma.getmaskarray(found["DENSITY"][:])
+        assert computed.any()
+        assert not (computed & ~told).any()
+        assert 990.0 < float(found["DENSITY"][:].mean()) < 1030.0
+        assert "TEOS-10" in found["SA"].comment
+        assert set(np.unique(found["DENSITY_QC"][:].compressed()).tolist()) <= {0, 1, 3}
 
 
 def test_an_instrument_is_described_once_and_named_by_what_it_measures(written):

@@ -15,7 +15,7 @@ from robot_link.delivery_config import Contributor, DeliveryMetadata, Sensor
 from robot_link.messages import RobotMode
 from server.delivery.file_order import FileOrder
 from server.delivery.judged import Wanted
-from server.delivery.quality import channels_of
+from server.delivery.quality import channels_of, derived_of
 from tests.db.conftest import START, report, sample
 
 METADATA = DeliveryMetadata(
@@ -63,7 +63,9 @@ def order_for(store: Store, url: str, folder: Path, robot: str, **more: object) 
     """Return what is to be written of a robot's first deployment."""
     with store.read() as session:
         (deployment,) = list_deployments(session, robot=robot)
-        keys = channels_of(session, deployment)
+        sampled = channels_of(session, deployment)
+        derived = derived_of(sampled)
+        keys = [*sampled, *derived]
         record = get_robot(session, robot)
     wanted = Wanted(
         url,
@@ -71,6 +73,7 @@ def order_for(store: Store, url: str, folder: Path, robot: str, **more: object) 
         {key: (CHANNELS[key].low, CHANNELS[key].high) for key in keys},
         GRACE_QARTOD,
         smoothed=False,
+        derived=tuple(derived),
     )
     order = FileOrder(
         wanted=wanted,
