@@ -213,7 +213,14 @@ def cleared(
 def _earlier(file: DeliveryFile) -> EarlierFile:
     said = file.document
     checks = [
-        CheckReport(**{**one, "findings": tuple(Finding(**each) for each in one["findings"])})
+        CheckReport(
+            one["suite"],
+            one["version"],
+            one["state"],
+            tuple(Finding(**each) for each in one["findings"]),
+            one["message"],
+            one["seconds"],
+        )
         for one in said["checks"]
     ]
     kept = KeptFile(

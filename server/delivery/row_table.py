@@ -86,11 +86,11 @@ class RowTables:
             return self._place(offset, block, placed, chosen)
 
         if is_sample.any():
-            values: list[list[str]] = []
+            cells: list[list[str]] = []
             for key in self._order.channels:
-                values.append(_numbers(block.value[key][is_sample]))
-                values.append(self._cells_of_flags(key, offset, is_sample))
-            _write(self._samples, [*place(is_sample), *values])
+                cells.append(_numbers(block.value[key][is_sample]))
+                cells.append(self._cells_of_flags(key, offset, is_sample))
+            _write(self._samples, [*place(is_sample), *cells])
         is_state = block.mode >= 0
         if is_state.any():
             flown = [_flown(block, row, is_state) for row in STATE_VARIABLES]

@@ -52,7 +52,7 @@ class Sketch:
             if key in self._flags:
                 self._mark(key, parts, rows, block.measured_at_us, values[:, np.newaxis])
         places = block.position_ned[:, :2]
-        known = np.isfinite(places).all(axis=1)
+        known: BoolArray = np.asarray(np.isfinite(places).all(axis=1))
         self._mark(POSITION, parts, rows, block.measured_at_us, places)
         self._track[parts[known]] = places[known]
         self._take_jumps(block, known)
