@@ -83,8 +83,8 @@ def _fill(folder: Path, rows: int) -> None:
 
 def _pack(folder: Path) -> None:
     """Pack the delivery in this process, and print what it took."""
-    from server.delivery import package_task
-    from server.delivery.package_order import PackageOrder
+    from server.delivery.package import task as package_task
+    from server.delivery.package.order import PackageOrder
     from tests.server.delivery.written import order_for
 
     url = f"sqlite:///{folder / 'station.sqlite3'}"

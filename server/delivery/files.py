@@ -28,7 +28,7 @@ from server.base.study import worked_out
 from server.delivery import file_task
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
-from server.delivery.package_order import words_sha256
+from server.delivery.package.order import words_sha256
 from server.delivery.quality import wanted_of
 
 JOB = "file"

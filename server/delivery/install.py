@@ -2,9 +2,10 @@
 
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
-from server.delivery import file_route, package_route, quality_route
+from server.delivery import file_route, quality_route
 from server.delivery.files import DeliveryFiles, Writing
-from server.delivery.packages import JOB, DeliveryPackages
+from server.delivery.package import route as package_route
+from server.delivery.package.packages import JOB, DeliveryPackages
 from server.delivery.quality import QualityRuns
 
 ROUTERS = (quality_route.router, file_route.router, package_route.router)

@@ -17,8 +17,8 @@ from db.query.station.events import add_event
 from db.store import Store
 from server.delivery import file_task, package_task
 from server.delivery.judged import WorkCancelledError
-from server.delivery.package_order import EarlierFile, PackageOrder
-from server.delivery.package_task import package_path
+from server.delivery.package.order import EarlierFile, PackageOrder
+from server.delivery.package.task import package_path
 from tests.db.conftest import START, robot_record
 from tests.server.delivery.written import order_for, told
 

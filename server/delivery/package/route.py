@@ -23,8 +23,8 @@ from server.base.problem import Problem, not_found
 from server.base.view import Body, View, one_of
 from server.delivery.file_route import CheckView, FileView, FindingView, file_view
 from server.delivery.file_task import OWN_SUITE
-from server.delivery.package_task import package_path
-from server.delivery.packages import DeliveryPackages
+from server.delivery.package.packages import DeliveryPackages
+from server.delivery.package.task import package_path
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
 PackagesDep = Annotated[DeliveryPackages, Depends(service(DeliveryPackages))]

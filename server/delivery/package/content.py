@@ -25,7 +25,7 @@ from db.query.station.journal import JournalRange, iterate_frames
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
 from server.delivery.judged import Judged
-from server.delivery.package_order import PackageOrder
+from server.delivery.package.order import PackageOrder
 from server.logbook.export import cell, csv_blocks, csv_line
 from server.logbook.picture import Pictures
 from server.logbook.report import ReportOrder, report_blocks

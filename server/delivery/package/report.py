@@ -22,7 +22,7 @@ from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
 from server.delivery.finding import CheckReport
 from server.delivery.judged import DEPTH, Judged
-from server.delivery.sketch import BATTERY, Sketch
+from server.delivery.package.sketch import BATTERY, Sketch
 from server.logbook.export import items_of
 from server.logbook.figure import Curve, curve_figure, legend_mark, track_figure
 from server.logbook.report import POLICY, STYLE, entry_html, event_html, moment_text

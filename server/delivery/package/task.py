@@ -9,8 +9,6 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
-from server.delivery.bag import Payload, write_bag
-from server.delivery.content import write_content
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import PART, KeptFile, keep_file, kept_path, synced
 from server.delivery.judged import (
@@ -23,10 +21,12 @@ from server.delivery.judged import (
     judged,
     reading,
 )
-from server.delivery.package_order import PackageOrder
-from server.delivery.report import write_report
-from server.delivery.row_table import RowTables
-from server.delivery.sketch import Sketch
+from server.delivery.package.bag import Payload, write_bag
+from server.delivery.package.content import write_content
+from server.delivery.package.order import PackageOrder
+from server.delivery.package.report import write_report
+from server.delivery.package.row_table import RowTables
+from server.delivery.package.sketch import Sketch
 
 TASK = f"{__name__}:run"
 

@@ -23,12 +23,12 @@ from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.study import worked_out
-from server.delivery import package_task
 from server.delivery.file_task import PART, KeptFile
 from server.delivery.files import FOLDER, Writing, order_of, refuse_changed, write_kept
 from server.delivery.finding import CheckReport, Finding
-from server.delivery.package_order import EarlierFile, PackageOrder, words_sha256
-from server.delivery.package_task import KeptPackage
+from server.delivery.package import task as package_task
+from server.delivery.package.order import EarlierFile, PackageOrder, words_sha256
+from server.delivery.package.task import KeptPackage
 
 log = logging.getLogger(__name__)
 
