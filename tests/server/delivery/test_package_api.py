@@ -11,7 +11,9 @@ import pytest
 
 from server.access.role import Role
 from server.base.worker import WorkerTaskError
-from server.delivery import file_task, package_task, packages
+from server.delivery import file_task
+from server.delivery.package import packages
+from server.delivery.package import task as package_task
 from server.delivery.package.packages import DeliveryPackages, cleared
 from tests.server.conftest import MINI, api_client, until
 from tests.server.delivery.test_file_api import METADATA
