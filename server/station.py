@@ -30,6 +30,7 @@ from server.notice import install as notice
 from server.plan import install as plan
 from server.prediction import install as prediction
 from server.recording import install as recording
+from server.replay import install as replay
 from server.satellite import install as satellite
 from server.satellite.gateways import Gateways
 from server.satellite.install import GatewayFactory
@@ -74,6 +75,7 @@ CAPABILITIES = (
     alarm,
     notice,
     scene,
+    replay,
     recording,
     logbook,
     delivery,

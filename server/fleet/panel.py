@@ -48,7 +48,7 @@ from server.fleet.words import (
 )
 from server.vehicle.vehicles import Vehicles
 
-_FIELD_LIMIT_S = 120.0
+FIELD_LIMIT_S = 120.0
 """Age from which a measurement of a field must look old, at the clock's normal speed."""
 
 
@@ -226,7 +226,7 @@ class FleetViews:
                 measured_at=told.at,
                 received_at=told.at,
                 age_s=self._fleet.age_s(told.at),
-                limit_s=self._fleet.limit_s(_FIELD_LIMIT_S if gauge is None else gauge.limit_s),
+                limit_s=self._fleet.limit_s(FIELD_LIMIT_S if gauge is None else gauge.limit_s),
             )
         return channels
 
@@ -261,7 +261,7 @@ class FleetViews:
                 measured_at=sample.measured_at,
                 received_at=sample.received_at,
                 age_s=self._fleet.age_s(sample.measured_at),
-                limit_s=self._fleet.limit_s(_FIELD_LIMIT_S),
+                limit_s=self._fleet.limit_s(FIELD_LIMIT_S),
                 is_derived=key not in measured,
                 impossible=status.impossible.get(key, 0),
             )

@@ -277,6 +277,9 @@ async def get_track(
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
+    arrivals: Annotated[
+        bool, Query(description="Say when the station heard of each point.")
+    ] = False,
 ) -> Response:
     """Return where the robot believed to be, with uncertainty and fidelity level."""
     del caller
@@ -298,6 +301,7 @@ async def get_track(
             std_m=[one if math.isfinite(one) else None for one in std_m.tolist()],
             fidelity=fidelity_level(std_m, thresholds_m).tolist(),
             adrift=[mode in DRIFT_MODES for mode in found.mode],
+            received_at=found.received_at if arrivals else None,
             latitude_deg=geodetic[:, 0].tolist(),
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,

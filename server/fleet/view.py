@@ -398,6 +398,8 @@ class TrackView(View):
     """Fidelity level by the planner's thresholds; the highest is the best located."""
     adrift: list[bool]
     """Whether it floated at the surface with nothing to fly there."""
+    received_at: list[datetime] | None
+    """When the station heard of each point, if that was asked for."""
     latitude_deg: list[float]
     longitude_deg: list[float]
     decimated: bool

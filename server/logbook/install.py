@@ -4,7 +4,7 @@ from db.query.log_book.told import GROUP_OF
 from server.access.subject import Subjects
 from server.base.event_bus import EventLogged
 from server.base.foundation import Foundation
-from server.logbook import moment_route, report_route, route, watch_route
+from server.logbook import report_route, route, watch_route
 from server.logbook.log_book import LogBook
 from server.logbook.watch import Watch
 
@@ -12,7 +12,6 @@ ROUTERS = (
     route.router,
     route.picture_router,
     watch_route.router,
-    moment_route.router,
     report_route.router,
 )
 _OWN = ("log.", "shift.", "page.")

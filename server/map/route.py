@@ -3,14 +3,16 @@
 import asyncio
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Response
+from pydantic import AwareDatetime
 
 from db.query.fleet.deployments import DeploymentRecord
-from db.query.measured.maps import maps_of_deployment
+from db.query.measured.maps import maps_at, maps_of_deployment
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, FoundationDep, period_of, service
@@ -48,6 +50,11 @@ MapChoicesDep = Annotated[MapChoices, Depends(service(MapChoices))]
 FieldMapsDep = Annotated[FieldMaps, Depends(service(FieldMaps))]
 
 
+At = Annotated[
+    AwareDatetime | None, Query(description="As it was kept last before this moment, RFC 3339.")
+]
+
+
 class MapFormat(StrEnum):
     """How a map is written."""
 
@@ -66,12 +73,16 @@ async def list_maps(
     maps: FieldMapsDep,
     foundation: FoundationDep,
     deployment: DeploymentDep,
+    at: At = None,
 ) -> list[MapEntryView]:
-    """Return which variables of a robot are mapped, and by which models."""
+    """Return which variables of a robot are mapped, and by which models.
+
+    Of a moment of the past, those that had been kept of its deployment by then.
+    """
     del caller
     fleet.status(robot)
     entries: dict[str, MapEntryView] = {}
-    shown = await _shown(maps, robot, foundation, deployment)
+    shown = await _shown(maps, robot, foundation, deployment, at)
     for (key, model), view in shown.views.items():
         if key in entries:
             entries[key].models.append(model)
@@ -127,14 +138,16 @@ async def get_map(
         Query(description="By default the live one; the others are of the newest comparison."),
     ] = None,
     format: Annotated[MapFormat, Query()] = MapFormat.JSON,
+    at: At = None,
 ) -> Response:
     """Return mean and standard deviation on the map's grid; nothing where there is no water.
 
-    Of a deployment that is over, the map as it was in the end.
+    Of a deployment that is over, the map as it was in the end; of a moment of the past, as it was
+    kept last in its deployment before then.
     """
     del caller
     record = fleet.status(robot).record
-    shown = await _shown(maps, robot, foundation, deployment)
+    shown = await _shown(maps, robot, foundation, deployment, at)
     view = _find(shown, robot, variable, model)
     export = MapExport(
         robot=robot,
@@ -222,13 +235,20 @@ class _Shown:
 
 
 async def _shown(
-    maps: FieldMaps, robot: str, foundation: Foundation, deployment: DeploymentRecord | None
+    maps: FieldMaps,
+    robot: str,
+    foundation: Foundation,
+    deployment: DeploymentRecord | None,
+    at: datetime | None,
 ) -> _Shown:
-    """Return the maps of a robot: those of now, or as they were when a deployment ended."""
+    """Return the maps of a robot: of now, of a moment, or as they were when a deployment ended."""
     period_of(deployment, robot)
-    if deployment is None or deployment.ended_at is None or deployment.kind == "recorded":
+    if at is not None:
+        kept = await foundation.store.query(lambda session: maps_at(session, robot, at))
+    elif deployment is None or deployment.ended_at is None or deployment.kind == "recorded":
         return _Shown(maps.views(robot), maps.scores(robot), is_past=False)
-    kept = await foundation.store.query(lambda session: maps_of_deployment(session, deployment))
+    else:
+        kept = await foundation.store.query(lambda session: maps_of_deployment(session, deployment))
     known = foundation.channels.catalogue
     views = {
         (one.variable, one.model): view_of(one, known[one.variable])

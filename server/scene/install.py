@@ -6,21 +6,21 @@ from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
 from server.prediction.predictions import Predictions
-from server.scene import past_route, route
+from server.scene import replay_route, route
 from server.scene.host import SceneHost
-from server.scene.past_host import PastScenes
+from server.scene.replay_host import ReplayScenes
 from server.scene.source import StationSceneSource
 from server.study.whatif import WhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import SceneSource
 
-ROUTERS = (route.router, past_route.router)
+ROUTERS = (route.router, replay_route.router)
 
 
 def install(foundation: Foundation) -> None:
     """Make what draws robots and maps in three dimensions."""
     services = foundation.services
-    services.get(Subjects).add_details("at")
+    services.get(Subjects).add_details("tab")
     fleet, maps = services.get(Fleet), services.get(FieldMaps)
     vehicles, shown = services.get(Vehicles), services.get(WhatIfs).shown
     predictions = services.get(Predictions)
@@ -32,6 +32,6 @@ def install(foundation: Foundation) -> None:
 
     scenes = services.add(SceneHost(source_of, lambda robot: foundation.feed.mark("view", robot)))
     foundation.lifetime.on_stop(scenes.stop)
-    past = services.add(PastScenes(foundation, fleet, vehicles))
-    foundation.lifetime.on_stop(past.stop)
+    replays = services.add(ReplayScenes(foundation, fleet, vehicles))
+    foundation.lifetime.on_stop(replays.stop)
     foundation.lifetime.run("scenes", scenes.run)

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from db.record import same
 from server.base.view import View, one_of
-from server.scene.past import PastKnowledge
+from server.scene.replay_source import Moment
 from webui.scene.view import SceneState
 
 
@@ -94,48 +94,27 @@ class SceneStateView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class PastMapView(View):
-    """The map that a past view shows: as it was kept last before its moment."""
-
-    variable: str
-    model: str
-    kept_at: datetime
-    samples: int
-
-
-@dataclass(frozen=True, slots=True)
-class PastViewView(View):
-    """What the 3D view of a robot at a moment shows, and how old each part was then."""
+class ReplayViewView(View):
+    """What the 3D view of a replay shows of a moment."""
 
     robot: str
     at: datetime
+    clock: Annotated[str, one_of("measured", "received")]
     measured_at: datetime | None
-    """Of the pose that is drawn: the newest that had arrived; ``null`` where none had."""
-    received_at: datetime | None
-    """When it had arrived."""
+    """Of the pose that is drawn; ``null`` where none is."""
     plan: str | None
     """Plan that was proved to be on board."""
-    plan_state: Annotated[str, one_of("on_board", "running")] | None
-    map: PastMapView | None
-    """``null`` where none had been kept of its deployment."""
-    track_points: int
+    map_kept_at: datetime | None
+    """When the map was kept that is drawn; ``null`` where none had been of its deployment."""
 
     @classmethod
-    def of(cls, known: PastKnowledge) -> Self:
-        """Return what is known of a past view as it is told."""
-        state, shown = known.state, known.maps[0] if known.maps else None
-        kept_at = None if shown is None else shown.updated_at
+    def of(cls, robot: str, moment: Moment) -> Self:
+        """Return what is drawn as it is told."""
         return cls(
-            robot=known.robot,
-            at=known.at,
-            measured_at=None if state is None else state.measured_at,
-            received_at=None if state is None else state.received_at,
-            plan=None if known.plan is None else known.plan.plan_id,
-            plan_state=None if known.plan is None else known.plan.state,
-            map=None
-            if shown is None or kept_at is None
-            else PastMapView(
-                shown.variable.key, shown.model, kept_at, sum(shown.samples_per_level)
-            ),
-            track_points=len(known.track.measured_at),
+            robot=robot,
+            at=moment.at,
+            clock=moment.clock,
+            measured_at=None if moment.pose is None else moment.pose.measured_at,
+            plan=None if moment.plan is None else moment.plan.plan_id,
+            map_kept_at=moment.maps[0].updated_at if moment.maps else None,
         )

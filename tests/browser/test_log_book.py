@@ -167,18 +167,13 @@ def test_two_people_keep_one_log_book_and_hand_their_watch_over(browser, calm, s
         expect(article(ann, "Ballast set to 42 g.")).to_contain_text("corrected by entry-")
         expect(article(ann, "It was 45 g.")).to_contain_text("corrects entry-")
 
-        # The moment of the entry, with its 3D view that is not live.
+        # The entry opens the replay of its moment.
         article(ann, "Ballast set to 42 g.").get_by_role("link", name="Open this moment").click()
-        then = ann.get_by_role("region", name="3D view then")
-        expect(then).to_contain_text(re.compile(r"At \d\d:\d\d:\d\dZ, not live"))
-        expect(then).to_contain_text("where the station believed it to be")
+        replay = ann.get_by_role("region", name="Replay")
+        expect(replay).to_contain_text("not live")
         assert "?at=" in ann.url
-        mark = ann.frame_locator("iframe").locator("#then")
-        expect(mark).to_have_text(re.compile(r"At \d\d:\d\d:\d\dZ, not live"))
-        expect_scene(ann)
-        look(ann, "log-moment", then)
-        ann.get_by_role("button", name="Return to now").click()
-        expect(then).to_have_count(0)
+        replay.get_by_role("button", name="Back to live").click()
+        expect(replay).to_have_count(0)
 
         # The report: one file, which prints.
         open_page(ann, demo, "/log#book")

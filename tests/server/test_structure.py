@@ -14,8 +14,8 @@ ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "fleet", "deployment",
     "link", "satellite", "lease", "command", "drive", "current", "map", "tag", "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
-    "prediction", "alarm", "notice", "scene", "recording_file", "recording", "logbook", "delivery",
-    "cli",
+    "prediction", "alarm", "notice", "scene", "replay", "recording_file", "recording", "logbook",
+    "delivery", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 190

@@ -52,15 +52,19 @@
     shaderSource.call(this, shader, words);
   };
 
-  /** A view of the past says so in itself, wherever it is shown. */
-  const then = Date.parse(decodeURIComponent(/\/at\/([^/]+)\/?$/.exec(location.pathname)?.[1] ?? ''));
-  if (!Number.isNaN(then)) {
-    const [day, time] = new Date(then).toISOString().slice(0, 19).split('T');
+  /** A view of the past says so in itself, wherever it is shown, and of when as soon as it is told. */
+  if (/\/replay\/[0-9a-f]+\/?$/.test(location.pathname)) {
     const mark = document.createElement('div');
     mark.id = 'then';
     mark.setAttribute('role', 'note');
-    mark.textContent = `At ${time}Z, not live`;
-    mark.title = `The robot as the station believed it to be on ${day} at ${time}Z.`;
+    mark.textContent = 'Replay, not live';
+    addEventListener('message', ({ source, origin, data }) => {
+      if (source !== parent || origin !== location.origin) return;
+      if (typeof data?.replayAt !== 'number') return;
+      const [day, time] = new Date(data.replayAt).toISOString().slice(0, 19).split('T');
+      mark.textContent = `At ${time}Z, not live`;
+      mark.title = `The robot on ${day} at ${time}Z.`;
+    });
     document.addEventListener('DOMContentLoaded', () => document.body.append(mark));
   }
 

@@ -41,8 +41,11 @@ class RobotModel:
         self._is_old = False
 
     def show(self, pose: Pose | None, exaggeration: float) -> None:
-        """Move to a pose; does nothing when it is the one already shown."""
-        if pose is None or self._shown == (pose, exaggeration):
+        """Move to a pose, or show nothing; does nothing when it is the one already shown."""
+        if pose is None:
+            self._hide()
+            return
+        if self._shown == (pose, exaggeration):
             return
         self._shown = (pose, exaggeration)
         position_ned = np.array(pose.position_ned)
@@ -57,6 +60,12 @@ class RobotModel:
             self._is_old = pose.is_old
             for part in self._parts:
                 part.color = ROBOT_OLD if pose.is_old else ROBOT
+
+    def _hide(self) -> None:
+        if self._shown is not None:
+            self._shown = None
+            for part in (self._body, self._ellipsoid, self._drop):
+                part.visible = False
 
     def _show_uncertainty(self, pose: Pose, position: np.ndarray) -> None:
         """Draw the 95 % circle as a flat body; its height means nothing, depth is measured."""

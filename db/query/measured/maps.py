@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import func, select
@@ -10,9 +10,11 @@ from sqlalchemy.orm import Session
 
 from db.deployment_span import Period, live_spans
 from db.map_tables import MapSnapshot
-from db.query.fleet.deployments import INSTANT, DeploymentRecord
+from db.query.fleet.deployments import INSTANT, DeploymentRecord, deployment_at
 from db.query.fleet.robots import robot_key
 from db.record import same, values
+
+_DAY = timedelta(days=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +98,17 @@ def maps_of_deployment(session: Session, deployment: DeploymentRecord) -> list[M
     later = [span.started_at for span in spans if span.started_at > period.first]
     last = min(later) - INSTANT if later else None
     return newest_maps(session, deployment.robot, Period(period.first, last))
+
+
+def maps_at(session: Session, robot: str, at: datetime) -> list[MapRecord]:
+    """Return the newest snapshot of every map of a robot that was kept by a moment.
+
+    They are of the deployment that the moment belongs to, or of the day before where it belongs to
+    none.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    deployment = deployment_at(session, robot, at)
+    first = at - _DAY if deployment is None else deployment.begun_at
+    return newest_maps(session, robot, Period(first, at))

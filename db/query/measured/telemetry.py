@@ -9,7 +9,7 @@ from operator import add
 from typing import Any
 
 import numpy as np
-from sqlalchemy import ColumnElement, Integer, func, or_, select, type_coerce
+from sqlalchemy import BigInteger, Integer, func, or_, select, type_coerce
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray
@@ -67,6 +67,8 @@ class Track:
     has_fix: BoolArray
     """Shape ``(n,)``."""
     mode: list[RobotMode | None]
+    received_at: list[datetime]
+    """When the station heard of each."""
     decimated: bool
     """Whether points were left out; the shallowest and deepest of every interval are kept."""
 
@@ -90,14 +92,8 @@ _MODES: dict[int | None, RobotMode | None] = {None: None, **{int(mode): mode for
 """A lookup: making the members of twenty thousand numbers takes longer than to read them."""
 
 
-def newest_state(
-    session: Session, robot: str, *, heard_by: datetime | None = None
-) -> StateReport | None:
-    """Return the newest report of a robot about itself; a recording has none.
-
-    With ``heard_by`` it is the newest that the station had heard by that moment.
-    """
-    heard = () if heard_by is None else _heard_by(heard_by)
+def newest_state(session: Session, robot: str) -> StateReport | None:
+    """Return the newest report of a robot about itself; a recording has none."""
     row = session.scalar(
         select(StateRow)
         .where(
@@ -105,17 +101,11 @@ def newest_state(
             StateRow.mode.is_not(None),
             StateRow.north_m.is_not(None),
             StateRow.depth_m.is_not(None),
-            *heard,
         )
         .order_by(StateRow.measured_at.desc())
         .limit(1)
     )
     return None if row is None else _report(row, robot)
-
-
-def _heard_by(at: datetime) -> tuple[ColumnElement[bool], ...]:
-    """Return what is true of a report that the station had by a moment."""
-    return (StateRow.measured_at <= at, StateRow.received_at <= at)
 
 
 def idle_since(
@@ -318,12 +308,8 @@ def track(
     start: datetime | None = None,
     end: datetime | None = None,
     max_points: int = 2000,
-    *,
-    heard_by: datetime | None = None,
 ) -> Track:
     """Return the positions of a robot from ``start`` to ``end``, both included.
-
-    With ``heard_by`` they are those that the station had heard by that moment.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -335,7 +321,6 @@ def track(
             StateRow.robot_key == robot_key(session, robot),
             StateRow.north_m.is_not(None),
             StateRow.depth_m.is_not(None),
-            *(() if heard_by is None else _heard_by(heard_by)),
         ),
         (
             StateRow.north_m,
@@ -343,16 +328,18 @@ def track(
             StateRow.position_std_m,
             type_coerce(StateRow.has_fix, Integer),
             StateRow.mode,
+            type_coerce(StateRow.received_at, BigInteger),
         ),
     )
     rows, decimated = thinned_rows(session, series, start, end, max_points)
-    numbers = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    numbers = np.array(rows, dtype=np.float64).reshape(-1, 8)
     return Track(
         measured_at=moments(numbers[:, 0]),
         position_ned=numbers[:, [2, 3, 1]],
         position_std_m=numbers[:, 4],
         has_fix=numbers[:, 5] != 0.0,
         mode=[_MODES.get(one) for one in numbers[:, 6].tolist()],
+        received_at=moments(numbers[:, 7]),
         decimated=decimated,
     )
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
 from db.deployment_span import Period
@@ -115,6 +115,24 @@ def alarms_of(session: Session, robot: str, period: Period, limit: int) -> list[
     """
     of_robot = Alarm.robot_key == robot_key(session, robot)
     return _newest(session, limit, of_robot, period.holds(Alarm.raised_at))
+
+
+def alarms_standing_at(session: Session, robot: str, at: datetime, limit: int) -> list[AlarmRecord]:
+    """Return the alarms of a robot and of the station that stood at a moment, the newest first.
+
+    They had been raised last before it, and became normal after it or not yet. Of one that was
+    raised several times only the last time is known here.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    return _newest(
+        session,
+        limit,
+        or_(Alarm.robot_key == robot_key(session, robot), Alarm.robot_key.is_(None)),
+        Alarm.raised_at <= at,
+        or_(Alarm.cleared_at.is_(None), Alarm.cleared_at > at),
+    )
 
 
 def _newest(session: Session, limit: int, *conditions: ColumnElement[bool]) -> list[AlarmRecord]:

@@ -107,24 +107,6 @@ async def test_a_report_is_of_its_time_and_robot(ann, still):
     assert (await ann.get("/api/logbook/report", params=backwards)).status_code == 422
 
 
-async def test_a_robot_is_shown_as_it_was_known_then(client, still):
-    path = f"/api/robots/{MINI}/moment"
-
-    async def told():
-        known = (await client.get(path, params={"at": still.isoformat()})).json()
-        return known if known["values"] else None
-
-    now = await until(told)
-    depth = next(one for one in now["values"] if one["channel"] == "depth_m")
-    assert (depth["value"], depth["unit"]) == (0.0, "m")
-    assert (now["north_m"], now["east_m"]) == (1.2, 0.6)
-    before = (await client.get(path, params={"at": "2020-01-01T00:00:00Z"})).json()
-    assert (before["values"], before["mode"], before["north_m"]) == ([], None, None)
-    assert (await client.get(path)).status_code == 422
-    missing = await client.get("/api/robots/nobody/moment", params={"at": still.isoformat()})
-    assert missing.status_code == 404
-
-
 def test_a_curve_breaks_where_nothing_was_heard():
     minutes = [*range(20), *range(40, 60)]
     at = [START + timedelta(minutes=one) for one in minutes]

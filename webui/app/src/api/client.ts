@@ -12,11 +12,12 @@ import { DesignApi } from './design';
 import { LeaseApi } from './lease';
 import { LogBookApi } from './log_book';
 import { NoticeApi } from './notice';
-import { noAnswer, problemOf } from './problem';
+import { noAnswer, Problem, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { RecordingApi } from './recording';
 import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
+import { ReplayApi } from './replay';
 import type { ConfigDocument, JsonObject, SceneChange, ScheduleWish, SendWish } from './types';
 import { OutlookApi } from './outlook';
 import { WaterApi } from './water';
@@ -35,6 +36,8 @@ export interface Versioned<T> {
 export class Api {
   /** Called when the station no longer knows this browser. */
   onSignedOut: () => void = () => undefined;
+  /** Returns why a request that changes something must not leave this page; empty where it may. */
+  refuse: (request: Request) => string | Promise<string> = () => '';
   /** Proves to the station that a request comes from its own page. */
   csrf = '';
   readonly #http = createClient<paths, 'application/json'>({
@@ -43,11 +46,14 @@ export class Api {
 
   constructor() {
     this.#http.use({
-      onRequest: ({ request }) => {
+      onRequest: async ({ request }) => {
         if (request.method === 'GET') return;
+        const refusal = await this.refuse(request);
+        if (refusal !== '') throw new Problem(409, 'Not sent', refusal);
         request.headers.set('X-CSRF-Token', this.csrf);
-        if (request.method !== 'POST' || request.headers.has('Idempotency-Key')) return;
-        request.headers.set('Idempotency-Key', newKey());
+        if (request.method === 'POST' && !request.headers.has('Idempotency-Key')) {
+          request.headers.set('Idempotency-Key', newKey());
+        }
       },
       onResponse: async ({ response, schemaPath }) => {
         if (response.ok) return;
@@ -78,6 +84,8 @@ export class Api {
   signOut = () => done(this.#http.DELETE('/api/session'));
 
   robots = () => told(this.#http.GET('/api/robots'));
+  /** What was known of robots at moments of the past. */
+  readonly replay = new ReplayApi(this.#http);
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
   readonly decisions = new DecisionApi(this.#http);
@@ -250,13 +258,15 @@ export class Api {
   withdraw = (transfer: string) =>
     done(this.#http.POST('/api/transfers/{transfer}/withdraw', of({ transfer })));
 
-  maps = (robot: string) => told(this.#http.GET('/api/robots/{robot}/maps', of({ robot })));
+  /** @param at As they had been kept by then; of now where it is `null`. */
+  maps = (robot: string, at: string | null = null) =>
+    told(this.#http.GET('/api/robots/{robot}/maps', of({ robot }, { at })));
 
-  map = (robot: string, variable: string, model: string, signal?: AbortSignal) =>
+  map = (robot: string, variable: string, model: string, at: string | null = null) =>
     told(
       this.#http.GET(
         '/api/robots/{robot}/maps/{variable}',
-        of({ robot, variable }, { model, format: 'json' as const }, signal),
+        of({ robot, variable }, { model, format: 'json' as const, at }),
       ),
     );
 

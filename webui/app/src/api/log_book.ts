@@ -46,14 +46,6 @@ export class LogBookApi {
     return upload({ path: '/api/logbook/attachments', form, csrf: this.#csrf() });
   }
 
-  /** What a robot had measured by a moment. */
-  moment = (robot: string, at: string) =>
-    told(this.#http.GET('/api/robots/{robot}/moment', of({ robot }, { at })));
-
-  /** What the 3D view of a robot at a moment shows, and how old each part was then. */
-  pastView = (robot: string, at: string) =>
-    told(this.#http.GET('/api/robots/{robot}/view/at/{at}', of({ robot, at })));
-
   shifts = (limit: number) =>
     told(this.#http.GET('/api/logbook/shifts', { params: { query: { limit } } }));
   beginShift = () => told(this.#http.POST('/api/logbook/shifts'));

@@ -41,8 +41,10 @@ export interface ChartWish {
   includes?: readonly number[];
   sync?: string | undefined;
   onzoom?: ((from: number, to: number) => void) | undefined;
-  /** Value across at which a line stands from top to bottom. */
-  mark?: number | null;
+  /** Value across at which a line stands from top to bottom, asked for with each drawing. */
+  mark?: () => number | null;
+  /** Called with the value across at which somebody clicked. */
+  onpick?: ((at: number) => void) | undefined;
 }
 
 /** The colours of the moment, read from the theme's tokens. */
@@ -118,20 +120,32 @@ export function chartOptions(
     series: [{}, ...wish.lines.map((line) => lineOptions(line, palette))],
     hooks: {
       setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [],
-      draw:
-        wish.mark === undefined || wish.mark === null
-          ? []
-          : [marker(wish.mark, palette('--accent'))],
+      ready: wish.onpick ? [picker(wish.onpick)] : [],
+      draw: wish.mark === undefined ? [] : [marker(wish.mark, palette('--accent'))],
     },
   };
 }
 
+/** A click that did not drag picks the value across. */
+function picker(onpick: (at: number) => void): (chart: uPlot) => void {
+  return (chart) => {
+    let downX = NaN;
+    chart.over.addEventListener('mousedown', ({ clientX }) => (downX = clientX));
+    chart.over.addEventListener('click', ({ clientX }) => {
+      if (Math.abs(clientX - downX) > CLICK_PX) return;
+      onpick(chart.posToVal(clientX - chart.over.getBoundingClientRect().left, 'x'));
+    });
+  };
+}
+
 /** Draws a line from top to bottom at a value across. */
-function marker(at: number, colour: string): (chart: uPlot) => void {
+function marker(mark: () => number | null, colour: string): (chart: uPlot) => void {
   return (chart) => {
     const { ctx, bbox } = chart;
     const { min, max } = chart.scales.x ?? {};
-    if (typeof min !== 'number' || typeof max !== 'number' || at < min || at > max) return;
+    const at = mark();
+    if (at === null || typeof min !== 'number' || typeof max !== 'number') return;
+    if (at < min || at > max) return;
     const x = Math.round(chart.valToPos(at, 'x', true));
     ctx.save();
     ctx.strokeStyle = colour;
@@ -143,6 +157,9 @@ function marker(at: number, colour: string): (chart: uPlot) => void {
     ctx.restore();
   };
 }
+
+/** A pointer that moved farther than this dragged. */
+const CLICK_PX = 3;
 
 /** Scale of equal factors; the library's enum for it exists for the type checker only. */
 const TENFOLD = { distr: 3, log: 10 } as unknown as uPlot.Scale;

@@ -1,4 +1,4 @@
-import type { Robot } from '../api/types';
+import type { MomentThen, Robot } from '../api/types';
 import type { Station } from '../live/station.svelte';
 import type { MapRobot } from './site_robots';
 
@@ -24,4 +24,12 @@ export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[
       },
     ];
   });
+}
+
+/** A robot where it was at the moment of a replay; it never looks alive. */
+export function marksThen({ id, name }: Robot, then: MomentThen | null): MapRobot[] {
+  if (!then?.position) return [];
+  const { ned_m: ned, std_m: std } = then.position;
+  const headingRad = then.channels.heading_rad?.value ?? 0;
+  return [{ id, name, ned, stdM: std ?? 0, headingRad, isOld: true }];
 }

@@ -54,6 +54,18 @@ export function lastIndex(values: ArrayLike<number | null | undefined> | undefin
   return -1;
 }
 
+/** Where the last value is at or before a moment; -1 where there is none. */
+export function lastIndexUntil(
+  t: ArrayLike<number>,
+  values: ArrayLike<number | null | undefined> | undefined,
+  at: number,
+): number {
+  for (let i = t.length - 1; i >= 0; i--) {
+    if ((t[i] ?? Infinity) <= at && typeof values?.[i] === 'number') return i;
+  }
+  return -1;
+}
+
 /**
  * Where a value has no neighbour that a line could lead to.
  *

@@ -124,18 +124,31 @@ export class Station {
   /** Whether somebody may pilot any robot at all; the station refuses others by itself. */
   readonly mayPilotAny = $derived.by(() => pilotsAny(this.session));
 
-  /** Whether this person may pilot a robot; without one, the station as a whole. */
+  /** Why these pages send nothing at all now, one sentence; empty while they do. */
+  whyNothingIsSent = (): string => '';
+
+  /** Whether this person may pilot a robot from here now; without one, the station as a whole. */
   mayPilot(robot: string | null): boolean {
+    return this.hasPilotRight(robot) && this.whyNothingIsSent() === '';
+  }
+
+  /** Whether this person has the right of a pilot, also while the pages show the past. */
+  hasPilotRight(robot: string | null): boolean {
     return isAtLeast(roleFor(this.session, robot), 'pilot');
   }
 
   /** Whether this person may administer a robot; without one, the station as a whole. */
   mayAdminister(robot: string | null): boolean {
-    return isAtLeast(roleFor(this.session, robot), 'admin');
+    return isAtLeast(roleFor(this.session, robot), 'admin') && this.whyNothingIsSent() === '';
   }
 
   /** Why this person may not pilot a robot, or the whole station, one sentence; else empty. */
   whyNotPilot(robot: string | null): string {
+    return this.whyNothingIsSent() || this.whyNoPilot(robot);
+  }
+
+  /** Why this person has not the right of a pilot, also while the pages show the past. */
+  whyNoPilot(robot: string | null): string {
     const name = robot === null ? null : (this.robot(robot)?.name ?? robot);
     return whyNotPilot(this.session, robot, name);
   }

@@ -1,3 +1,4 @@
+import type { Cursor } from '../live/cursor.svelte';
 import type { Preference } from '../live/preference.svelte';
 import type { Station } from '../live/station.svelte';
 import { parseRoute, routePath, type PageKey, type Route } from './route';
@@ -8,16 +9,16 @@ export class Place {
   readonly #station: Station;
   readonly #preference: Preference;
 
-  constructor(station: Station, preference: Preference) {
+  readonly #cursor: Cursor;
+
+  constructor(station: Station, preference: Preference, cursor: Cursor) {
+    this.#cursor = cursor;
     this.#station = station;
     this.#preference = preference;
   }
 
   readonly page = $derived(this.#route.page);
   readonly section = $derived(this.#route.section);
-  /** Moment that the page is opened at; `null` for now. */
-  readonly at = $derived(this.#route.at);
-
   /** Robot of the address, else the one looked at last, else the first. */
   readonly robot = $derived.by(() => {
     const known = this.#station.robots.map(({ id }) => id);
@@ -34,21 +35,31 @@ export class Place {
     return `${routePath(page, robot)}?at=${encodeURIComponent(at)}`;
   }
 
-  /** Leave the moment that the page was opened at. */
+  /** End the replay. */
   returnToNow(): void {
+    this.#cursor.goLive();
     this.go(this.page, this.robot, this.section);
   }
 
-  go(
-    page: PageKey,
-    robot: string | null = this.robot,
-    section = '',
-    at: string | null = null,
-  ): void {
+  /** Replay the robot in hand from a moment on, ms since 1970. */
+  replay(at: number): void {
+    this.#cursor.seek(at);
+    this.go(this.page, this.robot, this.section);
+  }
+
+  /** Let the address say where the cursor is; back and forward skip where it was meanwhile. */
+  noteCursor(): void {
+    const address = `${location.pathname}${this.#cursor.search()}${location.hash}`;
+    if (address !== location.pathname + location.search + location.hash) {
+      history.replaceState(history.state, '', address);
+    }
+  }
+
+  /** Another page at the same moment: a replay goes on until somebody ends it. */
+  go(page: PageKey, robot: string | null = this.robot, section = ''): void {
     if (robot !== null) this.#preference.robot = robot;
-    const search = at === null ? '' : `?at=${encodeURIComponent(at)}`;
     const [path, hash] = routePath(page, robot, section).split('#');
-    const address = `${path}${search}${hash === undefined ? '' : `#${hash}`}`;
+    const address = `${path}${this.#cursor.search()}${hash === undefined ? '' : `#${hash}`}`;
     if (address !== location.pathname + location.search + location.hash) {
       history.pushState(null, '', address);
     }
@@ -75,7 +86,10 @@ export class Place {
 
   /** Follow the browser's back and forward, and links inside the app. */
   listen(): () => void {
-    const onBack = () => (this.#route = here());
+    const onBack = () => {
+      this.#cursor.take(location.search);
+      this.#route = here();
+    };
     const onClick = (event: MouseEvent) => this.#follow(event);
     addEventListener('popstate', onBack);
     document.addEventListener('click', onClick);
@@ -92,7 +106,8 @@ export class Place {
     if (!link?.hasAttribute('data-in-app')) return;
     event.preventDefault();
     const { page, robot, section, at } = parseRoute(link.pathname, link.hash, link.search);
-    this.go(page, robot ?? this.robot, section, at);
+    if (at !== null) this.#cursor.take(link.search);
+    this.go(page, robot ?? this.robot, section);
   }
 }
 

@@ -1,6 +1,7 @@
 import { DESIGN_KEYS } from '../page/design/keys';
 import { DRIVE_KEYS } from '../page/drive/stick';
 import { PAGES } from '../page/route';
+import { REPLAY_KEYS } from '../live/replay.svelte';
 import { APP_KEYS } from './keyboard';
 
 export interface KeyGroup {
@@ -40,6 +41,7 @@ export const KEY_GROUPS: readonly KeyGroup[] = [
     ],
   },
   { title: 'On the page of designs', keys: DESIGN_KEYS },
+  { title: 'In a replay', keys: REPLAY_KEYS.map(({ name, meaning }) => [name, meaning] as const) },
   { title: 'While you drive a robot', keys: DRIVE_KEYS },
   ...ELSEWHERE,
 ];

@@ -4,6 +4,8 @@ export interface KeyboardActions {
   go(page: PageKey): void;
   choose(step: 1 | -1): void;
   help(): void;
+  /** Obey a key of a replay; tells whether one is on and it was one. */
+  replay(key: string, shift: boolean): boolean;
 }
 
 /** Single keys; `g` and a letter goes to a page. */
@@ -30,6 +32,12 @@ export class Keyboard {
   listen(): () => void {
     const onkeydown = (event: KeyboardEvent) => {
       if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+      if (!this.#isGoing && !hasOwnKeys(event.target, event.key)) {
+        if (this.#actions.replay(event.key, event.shiftKey)) {
+          event.preventDefault();
+          return;
+        }
+      }
       if (this.press(event.key)) event.preventDefault();
     };
     addEventListener('keydown', onkeydown);
@@ -60,4 +68,12 @@ export class Keyboard {
 
 function isTyping(target: EventTarget | null): boolean {
   return target instanceof Element && target.matches('input:not([type=radio]), select, textarea');
+}
+
+/** Whether a key means something to what has the focus: a button takes space, a choice the arrows. */
+function hasOwnKeys(target: EventTarget | null, key: string): boolean {
+  if (document.querySelector('dialog[open]')) return true;
+  if (!(target instanceof Element)) return false;
+  if (key === ' ') return target.closest('button, a, summary, input, [role=button]') !== null;
+  return key.length > 1 && target.closest('input, [role=slider], .leaflet-container') !== null;
 }

@@ -1,0 +1,1 @@
+"""Replays: what is known of a robot at the moment that a browser's cursor is at."""

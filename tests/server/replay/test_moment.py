@@ -1,0 +1,101 @@
+"""What was known of a robot at a moment: one answer, by either clock, and what lies beside it."""
+
+from datetime import UTC, datetime, timedelta
+
+from db.query.fleet.robots import robot_key
+from db.query.station.alarms import AlarmRecord, save_alarm
+from db.query.station.events import add_event
+from db.tables import StateRow
+from tests.server.conftest import MINI
+from tests.server.scene.test_replay import report
+
+SECOND = timedelta(seconds=1)
+
+
+async def moment(client, at, **query):
+    answer = await client.get(f"/api/robots/{MINI}/moment", params={"at": at.isoformat(), **query})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+async def test_every_value_is_the_latest_by_then_with_its_age(client, station):
+    now = datetime.now(UTC)
+    first, second = now - 100 * SECOND, now - 60 * SECOND
+
+    def write(session):
+        key = robot_key(session, MINI)
+        common = {"robot_key": key, "position_std_m": 0.1, "has_fix": False, "mode": 1}
+        place = {"north_m": 1.0, "east_m": 0.5, "depth_m": 0.2}
+        session.add(StateRow(measured_at=first, received_at=first, battery_v=12.0,
+                             velocity_north_m_s=3.0, velocity_east_m_s=4.0,
+                             velocity_down_m_s=0.0, **place, **common))  # fmt: skip
+        session.add(StateRow(measured_at=second, received_at=second,
+                             **place | {"depth_m": 0.7}, **common))  # fmt: skip
+
+    await station.foundation.store.write(write)
+    then = (await moment(client, now - 50 * SECOND))["channels"]
+    assert (then["depth_m"]["value"], then["depth_m"]["age_s"]) == (0.7, 10.0)
+    assert (then["battery_v"]["value"], then["battery_v"]["age_s"]) == (12.0, 50.0)
+    assert then["speed_m_s"]["value"] == 5.0, "the length of what was told in parts"
+    assert then["depth_m"]["limit_s"] < 50.0 <= then["battery_v"]["limit_s"]
+    nothing = await moment(client, now - 200 * SECOND)
+    assert (nothing["channels"], nothing["mode"], nothing["position"]) == ({}, None, None)
+
+
+async def test_what_was_told_later_counts_by_when_it_was_measured_and_not_by_what_was_heard(
+    client, station
+):
+    now = datetime.now(UTC)
+    await report(station, now - 60 * SECOND, now - 60 * SECOND, 0.1)
+    await report(station, now - 50 * SECOND, now - 20 * SECOND, 0.9)
+    at = now - 40 * SECOND
+    assert (await moment(client, at))["channels"]["depth_m"]["value"] == 0.9
+    heard = await moment(client, at, clock="received")
+    assert (heard["channels"]["depth_m"]["value"], heard["clock"]) == (0.1, "received")
+    wrong = await client.get(
+        f"/api/robots/{MINI}/moment", params={"at": at.isoformat(), "clock": "mine"}
+    )
+    assert wrong.status_code == 422
+
+
+async def test_what_lies_beside_a_moment_is_told_across_a_gap(client, station):
+    now = datetime.now(UTC)
+    times = [now - seconds * SECOND for seconds in (900, 899, 300)]
+    for at in times:
+        await report(station, at, at, 0.1)
+
+    def write(session):
+        add_event(session, times[1], "robot.dive_begun", "It dived.", robot=MINI)
+        add_event(session, times[2], "robot.surfaced", "It surfaced.", robot=MINI)
+
+    await station.foundation.store.write(write)
+    found = (await moment(client, now - 600 * SECOND))["beside"]
+    assert [
+        datetime.fromisoformat(found[key])
+        for key in ("sample_before", "sample_after", "event_before", "event_after")
+    ] == [times[1], times[2], times[1], times[2]]
+    line = await client.get(
+        f"/api/robots/{MINI}/timeline", params={"at": (now - SECOND).isoformat()}
+    )
+    told = line.json()
+    assert told["lasts"]
+    assert told["deployment"]["started_at"] == told["begins_at"]
+
+
+async def test_an_alarm_stands_from_when_it_was_raised_until_it_was_normal_again(client, station):
+    now = datetime.now(UTC)
+    alarm = AlarmRecord(
+        id="alarm-900", cause="test", robot=MINI, level="warning", text="It leaks.",
+        state="closed", raised_at=now - 60 * SECOND, acknowledged_at=now - 40 * SECOND,
+        cleared_at=now - 20 * SECOND,
+    )  # fmt: skip
+    await station.foundation.store.write(lambda session: save_alarm(session, alarm))
+
+    async def told(seconds):
+        found = (await moment(client, now - seconds * SECOND))["alarms"]
+        return [one["is_acknowledged"] for one in found if one["id"] == "alarm-900"]
+
+    assert await told(70) == []
+    assert await told(50) == [False]
+    assert await told(30) == [True]
+    assert await told(10) == []

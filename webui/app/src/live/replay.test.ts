@@ -1,0 +1,85 @@
+import { describe, expect, test } from 'vitest';
+import { Cursor } from './cursor.svelte';
+import { NewestQuestion } from './newest_question';
+import { mayLeave } from './replay_gate';
+
+const AT = Date.parse('2026-11-22T10:00:00Z');
+
+describe('the cursor of a tab', () => {
+  test('is in the address, and the same when it is read again', () => {
+    const cursor = new Cursor('?at=2026-11-22T10:00:00Z&speed=5&clock=received');
+    expect([cursor.at, cursor.speed, cursor.clock, cursor.mode]).toEqual([
+      AT,
+      5,
+      'received',
+      'replay',
+    ]);
+    cursor.loop = [AT, AT + 1000];
+    const again = new Cursor(cursor.search());
+    expect([again.at, again.speed, again.clock, again.loop]).toEqual([
+      AT,
+      5,
+      'received',
+      [AT, AT + 1000],
+    ]);
+    cursor.goLive();
+    expect([cursor.search(), cursor.mode, cursor.loop]).toEqual(['', 'live', null]);
+  });
+
+  test('is live where the address says no moment, and never at a speed that there is not', () => {
+    expect(new Cursor('?at=soon').mode).toBe('live');
+    expect(new Cursor('?at=2026-11-22T10:00:00Z&speed=1e9').speed).toBe(1);
+  });
+
+  test('plays by its speed, stops at the end, and begins its loop anew', () => {
+    const cursor = new Cursor('?at=2026-11-22T10:00:00Z&speed=100');
+    cursor.advance(50, [AT, AT + 10_000]);
+    expect(cursor.at).toBe(AT);
+    cursor.playing = true;
+    cursor.advance(50, [AT, AT + 10_000]);
+    expect(cursor.at).toBe(AT + 5000);
+    cursor.advance(60, [AT, AT + 10_000]);
+    expect([cursor.at, cursor.playing]).toEqual([AT + 10_000, false]);
+    cursor.loop = [AT + 1000, AT + 2000];
+    cursor.playing = true;
+    cursor.advance(1, [AT, AT + 10_000]);
+    expect([cursor.at, cursor.playing]).toEqual([AT + 1000, true]);
+  });
+});
+
+test('of many moments that are wanted the last is asked for, and none is asked for twice', async () => {
+  const asked: number[] = [];
+  const answers: (() => void)[] = [];
+  const question = new NewestQuestion<number>((at) => {
+    asked.push(at);
+    return new Promise((go) => answers.push(go));
+  });
+  for (const at of [1, 2, 3]) question.want(at);
+  expect(asked).toEqual([1]);
+  answers[0]?.();
+  await Promise.resolve();
+  await Promise.resolve();
+  expect(asked).toEqual([1, 3]);
+});
+
+describe('of a replay', () => {
+  const sent = (method: string, path: string, body?: unknown) =>
+    mayLeave(
+      new Request(`http://station${path}`, {
+        method,
+        ...(body === undefined ? {} : { body: JSON.stringify(body) }),
+      }),
+    );
+
+  test('Surface now is sent, and no other order', async () => {
+    expect(await sent('POST', '/api/robots/a/commands', { kind: 'surface' })).toBe(true);
+    expect(await sent('POST', '/api/robots/a/commands', { kind: 'start' })).toBe(false);
+  });
+
+  test('no plan, setting or switch leaves the page, and an alarm is seen', async () => {
+    expect(await sent('POST', '/api/plans/plan-1/upload', {})).toBe(false);
+    expect(await sent('PATCH', '/api/config/planner', {})).toBe(false);
+    expect(await sent('PATCH', '/api/robots/a/view', {})).toBe(false);
+    expect(await sent('POST', '/api/alarms/alarm-1/acknowledge', {})).toBe(true);
+  });
+});

@@ -1,0 +1,117 @@
+import { untrack } from 'svelte';
+import type { Api } from '../api/client';
+import { rfc3339 } from '../text/time';
+
+/** More than any robot measures in the blocks of a short window, so that nothing is left out. */
+const POINTS = 20_000;
+const KEPT = 24;
+/** So far is read ahead of a replay that plays, s of a wall clock, and at most so many blocks. */
+const AHEAD_S = 30;
+const AHEAD_BLOCKS = 3;
+
+interface Block {
+  t: number[];
+  v: (number | null)[];
+  unit: string;
+  isDerived: boolean;
+  isDecimated: boolean;
+}
+
+/** Values of one channel around a cursor: read in blocks, and ahead of where it plays. */
+export class ReplayWindow {
+  /** Grows when another block has come. */
+  version = $state.raw(0);
+  readonly #blocks = new Map<number, Block | null>();
+  readonly #api: Api;
+
+  /**
+   * @param spanS Length of the window, and of a block, s.
+   */
+  constructor(
+    api: Api,
+    readonly robot: string,
+    readonly channel: string,
+    readonly spanS: number,
+  ) {
+    this.#api = api;
+  }
+
+  /** Bounds of the window about a moment, s since 1970: the moment is in its middle. */
+  range(atS: number): [number, number] {
+    return [atS - this.spanS / 2, atS + this.spanS / 2];
+  }
+
+  /** Read what the window about a moment needs, and what it will need; for effects. */
+  want(atS: number, speed: number): void {
+    const [from, to] = this.range(atS);
+    const ahead = Math.min(speed * AHEAD_S, AHEAD_BLOCKS * this.spanS);
+    untrack(() => {
+      for (let n = this.#number(from); n <= this.#number(to + ahead); n++) void this.#read(n);
+    });
+  }
+
+  /** What is known of the window about a moment, in order; all of it once `isWhole`. */
+  show(atS: number): Block & { isWhole: boolean } {
+    void this.version;
+    const [from, to] = this.range(atS);
+    const all: Block & { isWhole: boolean } = {
+      t: [],
+      v: [],
+      unit: '',
+      isDerived: false,
+      isDecimated: false,
+      isWhole: true,
+    };
+    for (let n = this.#number(from); n <= this.#number(to); n++) {
+      const block = this.#blocks.get(n);
+      if (!block) {
+        all.isWhole = false;
+        continue;
+      }
+      all.t.push(...block.t);
+      all.v.push(...block.v);
+      all.unit ||= block.unit;
+      all.isDerived ||= block.isDerived;
+      all.isDecimated ||= block.isDecimated;
+    }
+    return all;
+  }
+
+  #number(s: number): number {
+    return Math.floor(s / this.spanS);
+  }
+
+  async #read(n: number): Promise<void> {
+    if (this.#blocks.has(n)) return;
+    this.#blocks.set(n, null);
+    try {
+      const found = await this.#api.samples(this.robot, {
+        channel: this.channel,
+        start: rfc3339(n * this.spanS * 1000),
+        end: rfc3339((n + 1) * this.spanS * 1000),
+        max_points: POINTS,
+      });
+      // Both ends are included; what lies on the next block's first is the next block's.
+      const t = found.measured_at.map((at) => Date.parse(at) / 1000);
+      const count = t.filter((at) => at < (n + 1) * this.spanS).length;
+      this.#blocks.set(n, {
+        t: t.slice(0, count),
+        v: found.value.slice(0, count),
+        unit: found.unit,
+        isDerived: found.is_derived,
+        isDecimated: found.decimated,
+      });
+      this.#forget(n);
+    } catch {
+      this.#blocks.delete(n); // it is asked for again with the next move
+    }
+    this.version++;
+  }
+
+  #forget(last: number): void {
+    for (const n of this.#blocks.keys()) {
+      if (this.#blocks.size <= KEPT) return;
+      if (n !== last && this.#blocks.get(n) !== null) this.#blocks.delete(n);
+    }
+  }
+}
