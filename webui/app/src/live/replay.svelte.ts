@@ -38,7 +38,6 @@ export class Replay {
   /** Robot and moment of which the 3D view has been drawn; `null` before the first. */
   scene = $state.raw<{ robot: string; at: number } | null>(null);
   sceneRefusal = $state.raw('');
-  #robot = $state.raw('');
   readonly #moments: NewestQuestion<Question>;
   readonly #scenes: NewestQuestion<Question>;
   readonly #station: Station;
@@ -87,7 +86,6 @@ export class Replay {
   /** Follow the cursor for a robot; for effects. */
   follow(robot: string): void {
     const { at, clock } = this.cursor;
-    this.#robot = robot;
     if (at !== null) this.#moments.want({ robot, at, clock });
   }
 

@@ -38,7 +38,7 @@ const ALL = [
 ];
 
 test('what the app obeys everywhere is what the sheet lists for everywhere', () => {
-  const actions = { go: vi.fn(), choose: vi.fn(), help: vi.fn() };
+  const actions = { go: vi.fn(), choose: vi.fn(), help: vi.fn(), replay: vi.fn(() => false) };
   const listed = KEY_GROUPS[0]?.keys.map(([key]) => key) ?? [];
   const obeyed = ALL.filter((key) => new Keyboard(actions).press(key));
   const single = listed.filter((key) => !key.startsWith('g ') && key.length === 1);

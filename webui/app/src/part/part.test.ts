@@ -284,7 +284,7 @@ describe('a gauge', () => {
 
 describe('the keyboard', () => {
   function keyboard() {
-    const actions = { go: vi.fn(), choose: vi.fn(), help: vi.fn() };
+    const actions = { go: vi.fn(), choose: vi.fn(), help: vi.fn(), replay: vi.fn(() => false) };
     return { keys: new Keyboard(actions), actions };
   }
 

@@ -63,6 +63,7 @@ test('drift at the surface is drawn apart from the survey', () => {
     east_m: [0, 0, 0, 0],
     fidelity: [2, 2, 2, 2],
     adrift: [false, false, true, true],
+    received_at: null,
   });
   expect(runs.map(({ level }) => level)).toEqual([2, 'drift']);
 });
