@@ -25,8 +25,8 @@ from server.replay.view import (
     BesideView,
     MapThenView,
     MarkView,
-    MomentView,
     PlanThenView,
+    RobotThenView,
     TimelineView,
 )
 from server.scene.replay_host import moment_asked
@@ -46,7 +46,7 @@ class Replays:
         """Which columns were ever told, by robot and deployment that is over."""
         self._reading = asyncio.Lock()
 
-    async def moment(self, robot: RobotId, at: datetime, clock: Clock) -> MomentView:
+    async def moment(self, robot: RobotId, at: datetime, clock: Clock) -> RobotThenView:
         """Return everything that was known of a robot at a moment.
 
         Raises:
@@ -109,11 +109,11 @@ class Replays:
                 self._told.popitem(last=False)
             return self._told[key]
 
-    def _view(self, robot: RobotId, then: RobotThen, clock: Clock) -> MomentView:
+    def _view(self, robot: RobotId, then: RobotThen, clock: Clock) -> RobotThenView:
         catalogue = self._foundation.channels.catalogue
         known, place, plan = then.known, then.known.place, then.plan
         channels = ChannelsThen(catalogue, self._fleet.speed).channels(robot, then)
-        return MomentView(
+        return RobotThenView(
             robot=robot,
             at=then.at,
             clock=clock,

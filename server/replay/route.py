@@ -10,7 +10,7 @@ from server.access.dependency import Viewer
 from server.base.dependency import service
 from server.base.view import encoded
 from server.replay.replays import Replays
-from server.replay.view import MomentView, TimelineView
+from server.replay.view import RobotThenView, TimelineView
 from server.scene.replay_source import Clock
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["replay"])
@@ -19,7 +19,7 @@ ReplaysDep = Annotated[Replays, Depends(service(Replays))]
 At = Annotated[AwareDatetime, Query(description="The moment, RFC 3339.")]
 
 
-@router.get("/moment", response_model=MomentView)
+@router.get("/moment", response_model=RobotThenView)
 async def robot_at_moment(
     caller: Viewer,
     robot: RobotId,

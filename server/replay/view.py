@@ -62,7 +62,7 @@ class BesideView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class MomentView(View):
+class RobotThenView(View):
     """Everything that was known of a robot at a moment; ages are against the moment."""
 
     robot: str
