@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import ColumnElement, func, or_, select
@@ -134,13 +134,16 @@ def beside(session: Session, robot: str, at: datetime, kinds: Collection[str]) -
     Args:
         session: A reading session.
         robot: Id of the robot.
-        at: The moment, which is none of those returned.
+        at: The moment, which is none of those returned, nor is anything else of its millisecond: a
+            page counts in milliseconds, and would never get past what is told more finely.
         kinds: Kinds of events that count; of this robot, and of the station as a whole.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
     key = robot_key(session, robot)
+    first = at.replace(microsecond=at.microsecond // 1000 * 1000)
+    last = first + timedelta(microseconds=999)
     measured = [(StateRow.measured_at, [StateRow.robot_key == key])]
     if (
         session.scalar(select(StateRow.measured_at).where(StateRow.robot_key == key).limit(1))
@@ -154,10 +157,10 @@ def beside(session: Session, robot: str, at: datetime, kinds: Collection[str]) -
         ]
     logged = [Event.kind.in_(kinds), or_(Event.robot_key == key, Event.robot_key.is_(None))]
     return Beside(
-        sample_before=max(_next(session, measured, at, forward=False), default=None),
-        sample_after=min(_next(session, measured, at, forward=True), default=None),
-        event_before=max(_next(session, [(Event.at, logged)], at, forward=False), default=None),
-        event_after=min(_next(session, [(Event.at, logged)], at, forward=True), default=None),
+        sample_before=max(_next(session, measured, first, forward=False), default=None),
+        sample_after=min(_next(session, measured, last, forward=True), default=None),
+        event_before=max(_next(session, [(Event.at, logged)], first, forward=False), default=None),
+        event_after=min(_next(session, [(Event.at, logged)], last, forward=True), default=None),
     )
 
 

@@ -74,6 +74,13 @@ async def test_what_lies_beside_a_moment_is_told_across_a_gap(client, station):
         datetime.fromisoformat(found[key])
         for key in ("sample_before", "sample_after", "event_before", "event_after")
     ] == [times[1], times[2], times[1], times[2]]
+    # A page counts in milliseconds: what it has gone to is not beside it.
+    there = times[1].replace(microsecond=times[1].microsecond // 1000 * 1000 + 999)
+    assert (await moment(client, there))["channels"]["depth_m"]["value"] == 0.1
+    found = (await moment(client, there))["beside"]
+    assert datetime.fromisoformat(found["sample_before"]) == times[0]
+    assert datetime.fromisoformat(found["sample_after"]) == times[2]
+    assert found["event_before"] is None
     line = await client.get(
         f"/api/robots/{MINI}/timeline", params={"at": (now - SECOND).isoformat()}
     )

@@ -51,9 +51,8 @@ export class Api {
         const refusal = await this.refuse(request);
         if (refusal !== '') throw new Problem(409, 'Not sent', refusal);
         request.headers.set('X-CSRF-Token', this.csrf);
-        if (request.method === 'POST' && !request.headers.has('Idempotency-Key')) {
-          request.headers.set('Idempotency-Key', newKey());
-        }
+        if (request.method !== 'POST' || request.headers.has('Idempotency-Key')) return;
+        request.headers.set('Idempotency-Key', newKey());
       },
       onResponse: async ({ response, schemaPath }) => {
         if (response.ok) return;
@@ -84,7 +83,6 @@ export class Api {
   signOut = () => done(this.#http.DELETE('/api/session'));
 
   robots = () => told(this.#http.GET('/api/robots'));
-  /** What was known of robots at moments of the past. */
   readonly replay = new ReplayApi(this.#http);
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);

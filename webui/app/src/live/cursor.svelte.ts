@@ -1,3 +1,4 @@
+import { queryString } from '../api/address';
 import { rfc3339 } from '../text/time';
 
 /** How many times as fast as life a replay may play. */
@@ -28,6 +29,7 @@ export class Cursor {
 
   /** Take over what the query of an address says; without a moment it is live. */
   take(search: string): void {
+    // eslint-disable-next-line svelte/prefer-svelte-reactivity -- it is only read
     const query = new URLSearchParams(search);
     const at = Date.parse(query.get('at') ?? '');
     this.playing = false;
@@ -44,11 +46,13 @@ export class Cursor {
   /** The query of an address that opens the same; empty while live. */
   search(): string {
     if (this.at === null) return '';
-    const query = new URLSearchParams({ at: rfc3339(this.at) });
-    if (this.speed !== 1) query.set('speed', String(this.speed));
-    if (this.clock !== 'measured') query.set('clock', this.clock);
-    if (this.loop) query.set('loop', this.loop.map((end) => rfc3339(end)).join('/'));
-    return `?${query.toString().replaceAll('%3A', ':').replaceAll('%2F', '/')}`;
+    const query = queryString({
+      at: rfc3339(this.at),
+      speed: this.speed === 1 ? null : this.speed,
+      clock: this.clock === 'measured' ? null : this.clock,
+      loop: this.loop?.map((end) => rfc3339(end)).join('/'),
+    });
+    return query.replaceAll('%3A', ':').replaceAll('%2F', '/');
   }
 
   /** Go to a moment; it goes on playing from there if it did. */

@@ -24,6 +24,11 @@ interface Question {
   clock: ReplayClock;
 }
 
+/** A moment as the station is asked for it: with all of its millisecond, which it counts more finely. */
+function wholeMoment(ms: number): string {
+  return rfc3339(ms).replace('Z', '999Z');
+}
+
 /** What the pages show of one robot at the moment that the cursor is at. */
 export class Replay {
   /** Names this tab to the station, which draws it a 3D view of its own. */
@@ -51,11 +56,11 @@ export class Replay {
     this.#scenes = new NewestQuestion((question) => this.#draw(question));
   }
 
-  /** From where to where the replay runs, ms; `null` before that is known. */
+  /** From where to where the replay runs, ms, before the end itself; `null` before that is known. */
   readonly bounds = $derived.by((): readonly [number, number] | null => {
     const line = this.timeline;
     if (!line) return null;
-    const end = line.lasts ? this.#station.now - CLOCK_MS : Date.parse(line.ends_at);
+    const end = line.lasts ? this.#station.now - CLOCK_MS : Date.parse(line.ends_at) - 1;
     return [Date.parse(line.begins_at), Math.max(Date.parse(line.begins_at), end)];
   });
 
@@ -123,7 +128,7 @@ export class Replay {
 
   async #read({ robot, at, clock }: Question): Promise<void> {
     const { api } = this.#station;
-    const moment = rfc3339(at);
+    const moment = wholeMoment(at);
     try {
       const [known, log] = await Promise.all([
         api.replay.moment(robot, moment, clock),
@@ -157,7 +162,7 @@ export class Replay {
 
   async #draw({ robot, at, clock }: Question): Promise<void> {
     try {
-      await this.#station.api.replay.moveView(robot, this.tab, rfc3339(at), clock);
+      await this.#station.api.replay.moveView(robot, this.tab, wholeMoment(at), clock);
       this.scene = { robot, at };
       this.sceneRefusal = '';
     } catch (error) {

@@ -21,6 +21,7 @@ interface Block {
 export class ReplayWindow {
   /** Grows when another block has come. */
   version = $state.raw(0);
+  // eslint-disable-next-line svelte/prefer-svelte-reactivity -- `version` tells when it changed
   readonly #blocks = new Map<number, Block | null>();
   readonly #api: Api;
 

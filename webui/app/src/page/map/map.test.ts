@@ -51,7 +51,8 @@ describe('samples on a slice', () => {
   test('are the track itself, without its drift, where the station places none', () => {
     const track = {
       robot: 'mini-1', measured_at: [], north_m: [0, 1], east_m: [0, 1], depth_m: [0, 0],
-      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [], decimated: false, is_derived: false,
+      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [],
+      received_at: null, decimated: false, is_derived: false,
     }; // prettier-ignore
     expect(samplesOfTrack(track, 'blue_light').fidelity).toEqual([2, null]);
   });
@@ -63,7 +64,6 @@ test('drift at the surface is drawn apart from the survey', () => {
     east_m: [0, 0, 0, 0],
     fidelity: [2, 2, 2, 2],
     adrift: [false, false, true, true],
-    received_at: null,
   });
   expect(runs.map(({ level }) => level)).toEqual([2, 'drift']);
 });
