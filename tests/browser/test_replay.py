@@ -95,7 +95,7 @@ def test_the_moment_of_an_alarm_is_replayed_from_the_log_and_nothing_is_sent(
         page.keyboard.press("Space")
         expect(band.get_by_role("button", name="Play")).to_be_visible()
         page.keyboard.press("Home")
-        expect_moved(page, back, later=False)
+        expect_moved(page, at_event, later=False)
 
         # A click in a chart goes to the place under the pointer.
         chart = page.get_by_role("img", name=re.compile("^Depth of mini-1"))

@@ -45,6 +45,7 @@ OPEN_TO_ALL = {
 """Which provider of OpenID Connect there is must be known to sign in by it. Pushes of gateways
 prove themselves otherwise: by their path and what they say."""
 OPEN_TO_VIEWERS = {
+    "/api/robots/{robot}/view/replay/{tab}",
     "/api/session",
     "/api/session/ticket",
     "/api/robots/{robot}/parameters/compare",

@@ -55,9 +55,10 @@ export class Cursor {
     return query.replaceAll('%3A', ':').replaceAll('%2F', '/');
   }
 
-  /** Go to a moment; it goes on playing from there if it did. */
+  /** Go to a moment, an infinite one to an end that is known; it goes on playing if it did. */
   seek(at: number, bounds: readonly [number, number] | null = null): void {
-    this.at = bounds === null ? at : Math.min(Math.max(at, bounds[0]), bounds[1]);
+    const to = bounds === null ? at : Math.min(Math.max(at, bounds[0]), bounds[1]);
+    if (Number.isFinite(to)) this.at = to;
   }
 
   /** Back to now. */
