@@ -52,7 +52,7 @@ READS_ROBOT = {"/api/config/{kind}", "/api/alarm-rules/{rule}/out-of-service"}
 WEBSOCKETS = {
     "/api/live": 1,
     "/view/{robot}": 1,
-    "/view/{robot}/at/{at}": 1,
+    "/view/{robot}/replay/{tab}": 1,
     "/api/robots/{robot}/drive": 2,
 }
 """Rank that each of them needs."""
