@@ -12,8 +12,7 @@ export class DecisionApi {
     this.#http = http;
   }
 
-  list = (robot: string) =>
-    told(this.#http.GET('/api/robots/{robot}/decisions', of({ robot })));
+  list = (robot: string) => told(this.#http.GET('/api/robots/{robot}/decisions', of({ robot })));
   replay = (robot: string) =>
     told(this.#http.POST('/api/robots/{robot}/decisions/replay', of({ robot })));
 }
