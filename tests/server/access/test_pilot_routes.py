@@ -82,6 +82,8 @@ DRAFTS = {
     ("POST", "/api/identifications/{identification}/accept"),
     ("POST", "/api/identifications/{identification}/cancel"),
     ("POST", "/api/identifications/{identification}/resume"),
+    ("POST", "/api/deployments/{deployment}/delivery"),
+    ("POST", "/api/robots/{robot}/decisions/replay"),
     ("POST", "/api/imports"),
     ("POST", "/api/imports/uploads"),
     ("POST", "/api/imports/uploads/{upload}"),
