@@ -1,5 +1,6 @@
 """Scalars and global attributes of a file of OG1.0: who, where, when, by what rules."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
@@ -8,6 +9,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from db.column import moment
+from robot_link.delivery_config import Sensor
 from server.delivery.file_order import FileOrder
 
 COMPACT_TIME: Final = "%Y%m%dT%H%M%S"
@@ -130,21 +132,28 @@ def _write_scalars(file: Any, order: FileOrder, extent: Extent) -> None:  # noqa
 
 
 def _write_sensors(file: Any, order: FileOrder) -> None:  # noqa: ANN401 - netCDF4 has no types
-    """Describe each instrument once, however many channels it measures."""
+    """Describe each instrument once, by all that is said of it at any of its channels."""
+    instruments: dict[str, list[Sensor]] = {}
     for key, sensor in sorted(order.metadata.sensors.items()):
-        name = sensor.variable
-        if not name or key not in order.channels or name in file.variables:
-            continue
+        if sensor.variable and key in order.channels:
+            instruments.setdefault(sensor.variable, []).append(sensor)
+    for name, said in instruments.items():
+        first = said[0]
         told = {
-            "long_name": f"{sensor.kind.lower().replace('_', ' ')} {sensor.serial_number}",
-            "sensor_type": sensor.kind,
-            "sensor_serial_number": sensor.serial_number,
-            "sensor_maker": sensor.maker,
-            "sensor_model": sensor.model,
-            "sensor_calibration_date": sensor.calibrated_on.replace("-", ""),
+            "long_name": f"{first.kind.lower().replace('_', ' ')} {first.serial_number}",
+            "sensor_type": first.kind,
+            "sensor_serial_number": first.serial_number,
+            "sensor_maker": _each(one.maker for one in said),
+            "sensor_model": _each(one.model for one in said),
+            "sensor_calibration_date": _each(one.calibrated_on.replace("-", "") for one in said),
         }
         variable = file.createVariable(name, "i1", (), fill_value=_NO_BYTE)
         variable.setncatts({one: value for one, value in told.items() if value})
+
+
+def _each(said: Iterable[str]) -> str:
+    """Return what is said, each word once; channels of an instrument may differ."""
+    return ", ".join(dict.fromkeys(one for one in said if one))
 
 
 def _telecom(order: FileOrder) -> str:
