@@ -5,13 +5,25 @@ from typing import Annotated, Any
 
 import msgspec
 from fastapi import Response
-from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    RootModel,
+    TypeAdapter,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema
 from typing_extensions import TypeAliasType
 
 from autonomy.channel import ALARM_LEVELS
 
 CURSOR_MAX = 2**63 - 1
 """Largest key of a database."""
+
+
+_SCHEMAS: dict[type, CoreSchema] = {}
+_BEING_READ: set[type] = set()
 
 
 class View:
@@ -24,6 +36,21 @@ class View:
     __pydantic_config__ = ConfigDict(
         use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
     )
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Describe a view once; else its source would be parsed anew for each route that has it."""
+        if source not in _SCHEMAS:
+            if source in _BEING_READ:
+                return handler(source)
+            _BEING_READ.add(source)
+            try:
+                _SCHEMAS[source] = TypeAdapter(source).core_schema
+            finally:
+                _BEING_READ.discard(source)
+        return _SCHEMAS[source]
 
 
 def encoded(view: object) -> Response:
