@@ -156,11 +156,13 @@ class FleetViews:
         )
 
     def _next_contact(self, status: RobotStatus) -> ContactView | None:
-        if _speaks_by_satellite(status):
-            at = self._next_call(status)
-            return None if at is None else ContactView(at, f"Next session about {clock_time(at)}")
-        # One that fell silent at the surface goes on with the plan that it flies.
-        if status.link_state not in (LinkState.SUBMERGED, LinkState.STALE):
+        is_far = _speaks_by_satellite(status)
+        call_at = self._next_call(status) if is_far else None
+        if call_at is not None:
+            return ContactView(call_at, f"Next session about {clock_time(call_at)}")
+        # One that fell silent at the surface goes on with the plan that it flies, and so does one
+        # whose call by satellite is overdue.
+        if not is_far and status.link_state not in (LinkState.SUBMERGED, LinkState.STALE):
             return None
         at = status.next_surfacing()
         if at is None:

@@ -1,5 +1,7 @@
 """Orders by satellite: said until they are answered, acted on once."""
 
+from datetime import datetime, timedelta
+
 import pytest
 
 from db.query.satellite.outbox import open_outbox
@@ -8,6 +10,7 @@ from robot_link.robot_program import CommandOutcome
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal
 from server.command import commands as command_service
 from server.command.state import CommandChanged
+from server.fleet.status import RobotStatus
 from tests.server.conftest import GRACE, until
 from tests.server.far import (
     ORDERS,
@@ -288,3 +291,19 @@ async def test_surface_forecast_tells_the_time_that_the_send_sheet_knows(far, sk
     await station.satellite.refresh()
     forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
     assert forecast == "Reaches grace-1 at its next session by RockBLOCK"
+
+
+async def test_an_overdue_call_leaves_the_next_surfacing_of_the_plan_it_flies(
+    far, sky, monkeypatch
+):
+    station, client = far
+    await station.satellite.refresh()
+    called_at = (await client.get("/api/robots/grace-1")).json()["next_contact"]["at"]
+    up_at = datetime.fromisoformat(called_at) + timedelta(hours=1)
+    monkeypatch.setattr(RobotStatus, "next_surfacing", lambda _: up_at)
+    assert (await client.get("/api/robots/grace-1")).json()["next_contact"]["at"] == called_at
+    sky.clock.advance(hours=3)
+    await station.satellite.refresh()
+    shown = (await client.get("/api/robots/grace-1")).json()["next_contact"]
+    assert datetime.fromisoformat(shown["at"]) == up_at
+    assert shown["text"] == f"Next surfacing about {up_at:%H:%M}Z"
