@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from db.query.fleet import deployment_change as change
 from db.query.fleet.deployments import DeploymentRecord
 from server.cli.data import checked, clock_of, open_remote, open_store, settings_of
-from server.cli.deployment_verb import metadata, netcdf, quality
+from server.cli.deployment_verb import metadata, netcdf, pack, quality
 from server.cli.deployment_verb.word import BY, utc_moment
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option, add_remote_options
@@ -46,7 +46,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         else:
             one.add_argument("--reason", required=True, help="what was found")
     parsers += quality.add_actions(actions)
-    parsers += [metadata.add_action(actions), netcdf.add_action(actions)]
+    parsers += [metadata.add_action(actions), netcdf.add_action(actions), pack.add_action(actions)]
     for one in parsers:
         add_data_option(one)
         add_remote_options(one)
@@ -60,7 +60,7 @@ def run(arguments: Namespace) -> int:
         return 0
     if arguments.action in quality.ACTIONS:
         return quality.run(arguments)
-    for part in (metadata, netcdf):
+    for part in (metadata, netcdf, pack):
         if arguments.action == part.ACTION:
             return part.run(arguments)
     told = _step_there(arguments) if arguments.url else _step_here(arguments)

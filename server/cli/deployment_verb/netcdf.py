@@ -10,6 +10,7 @@ from typing import Any
 from server.base.job import JobError
 from server.base.problem import Problem
 from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
+from server.cli.deployment_verb.taken import download, folder_of, free
 from server.cli.deployment_verb.word import BY, refusal
 from server.cli.failure import CommandError
 from server.delivery import file_task
@@ -33,9 +34,8 @@ def add_action(actions: Any) -> ArgumentParser:  # noqa: ANN401 - argparse's own
 
 def run(arguments: Namespace) -> int:
     """Write the file; the status is 1 unless every check passed."""
-    if not arguments.folder.is_dir():
-        raise CommandError(f"{arguments.folder} is no folder.", status=2)
-    path, checks = _there(arguments) if arguments.url else _here(arguments)
+    folder = folder_of(arguments)
+    path, checks = _there(arguments, folder) if arguments.url else _here(arguments, folder)
     print(f"{arguments.deployment} is in {path}.")
     for one in checks:
         print(f"{one['suite']}: {_WORDS[one['state']]} {one['message']}".rstrip())
@@ -48,21 +48,18 @@ def run(arguments: Namespace) -> int:
 _WORDS = {"passed": "passed", "findings": "findings", "unchecked": "could not be checked."}
 
 
-def _there(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
+def _there(arguments: Namespace, folder: Path) -> tuple[Path, Sequence[Mapping[str, Any]]]:
     path = f"/api/deployments/{arguments.deployment}/files"
     with open_remote(arguments) as client:
         body = {"no_better_data": arguments.no_better_data}
         made = result_of(client, client.post(path, json=body))["file"]
         (file,) = [one for one in checked(client.get(path)).json()["files"] if one["id"] == made]
-        target = _free(arguments.folder / file["name"])
-        with client.stream("GET", f"{path}/{made}") as answer, target.open("xb") as content:
-            answer.raise_for_status()
-            for part in answer.iter_bytes():
-                content.write(part)
+        target = free(folder / file["name"])
+        download(client, f"{path}/{made}", target)
     return target, file["checks"]
 
 
-def _here(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
+def _here(arguments: Namespace, folder: Path) -> tuple[Path, Sequence[Mapping[str, Any]]]:
     settings = settings_of(arguments)
     at = clock_of(settings).now()
     with open_store(settings) as store:
@@ -76,7 +73,7 @@ def _here(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
                     no_better_data=arguments.no_better_data,
                     at=at,
                 )
-            target = _free(arguments.folder / f"{order.identity}.nc")
+            target = free(folder / f"{order.identity}.nc")
             kept = file_task.run(order, lambda _: None, lambda: False)
             store.change(lambda session: write_kept(session, order, kept, at, BY)).result()
         except Problem as problem:
@@ -85,9 +82,3 @@ def _here(arguments: Namespace) -> tuple[Path, Sequence[Mapping[str, Any]]]:
             raise CommandError(str(error)) from error
     shutil.copyfile(file_task.kept_path(settings.data_dir / FOLDER, kept.sha256), target)
     return target, [asdict(one) for one in kept.checks]
-
-
-def _free(target: Path) -> Path:
-    if target.exists():
-        raise CommandError(f"{target} is there already; nothing was written.")
-    return target

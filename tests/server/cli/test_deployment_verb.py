@@ -1,7 +1,9 @@
 """``grace deployment``: a life from the water to whoever gets the data, on a data folder."""
 
+import hashlib
 import json
 import re
+import zipfile
 
 import pytest
 
@@ -78,3 +80,26 @@ def test_a_file_is_written_once_the_metadata_say_who_answers_for_it(folder, tmp_
     assert "own: passed" in capsys.readouterr().out
     assert step(folder, "netcdf", "deployment-1", str(out)) == 1
     assert "is there already" in capsys.readouterr().err
+
+
+def test_a_delivery_is_packed_whole_or_not_at_all(folder, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    assert step(folder, "pack", "deployment-1", str(out)) == 1
+    assert "metadata.principal_investigator.name" in capsys.readouterr().err
+    assert list(out.iterdir()) == []
+    words = tmp_path / "metadata.json"
+    words.write_text(json.dumps(METADATA))
+    assert step(folder, "metadata", "--file", str(words)) == 0
+    capsys.readouterr()
+    assert step(folder, "pack", "deployment-1", str(out), "--journal") == 0
+    (file,) = out.iterdir()
+    assert re.fullmatch(r"our-1_\d{8}T\d{6}_R\.zip", file.name)
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert capsys.readouterr().out == f"deployment-1 is in {file}, SHA-256 {sha256}.\n"
+    with zipfile.ZipFile(file) as packed:
+        names = {name.split("/", 1)[1] for name in packed.namelist()}
+    assert {"bagit.txt", "manifest-sha256.txt", f"data/netcdf/{file.stem}.nc"} <= names
+    assert step(folder, "pack", "deployment-1", str(out)) == 1
+    assert "is there already" in capsys.readouterr().err
+    assert list(out.iterdir()) == [file]
