@@ -68,6 +68,10 @@ class ProposedColumn(TypedDict):
     role: str
     target: str
     unit: str
+    time_format: str
+    """How its times are written, should it tell them; "" where a person has to say."""
+    has_zone: bool
+    """Whether its times say their zone, should it tell them."""
     cells: list[str]
     """Of the first rows."""
 

@@ -17,6 +17,8 @@ from server.recording_file.mapping import (
     faults_of,
     proposed,
     questions,
+    says_zone,
+    time_format_of,
 )
 from server.recording_file.raw import RawRecording, UnreadableError
 from server.recording_file.reading import read_files
@@ -70,6 +72,8 @@ def propose(
                 "role": roles[column.name].role,
                 "target": roles[column.name].target,
                 "unit": roles[column.name].unit,
+                "time_format": time_format_of(column),
+                "has_zone": says_zone(column),
                 "cells": [column.shown(row) for row in range(min(SHOWN_ROWS, len(raw)))],
             }
             for column in raw.columns.values()

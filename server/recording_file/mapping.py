@@ -194,13 +194,21 @@ def _time_column(raw: RawRecording) -> Column | None:
     return found[0] if found else None
 
 
-def _format(raw: RawRecording) -> TimeFormat:
-    column = _time_column(raw)
-    if column is None:
-        return ""
+def time_format_of(column: Column) -> TimeFormat:
+    """Return how a column's times are written, if it tells them; "" where a person has to say."""
     if column.texts is not None:
         return kind_of(column.texts)
     return "unix_ms" if is_in_milliseconds(column.values) else "unix_s"
+
+
+def says_zone(column: Column) -> bool:
+    """Tell whether every time of a column, if it tells them, says its zone."""
+    return column.texts is None or has_zone(column.texts)
+
+
+def _format(raw: RawRecording) -> TimeFormat:
+    column = _time_column(raw)
+    return "" if column is None else time_format_of(column)
 
 
 def _says_zone(raw: RawRecording) -> bool:
