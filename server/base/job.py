@@ -125,6 +125,8 @@ class JobBoard:
         task.add_done_callback(lambda _: self._never_began(job.id))
         # A task that is cancelled before its first step would never note its own end.
         await asyncio.sleep(0)
+        if task.cancelled():
+            self._never_began(job.id)
         return self._running.get(job.id, job)
 
     @property

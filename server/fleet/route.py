@@ -14,6 +14,7 @@ from autonomy.field.fidelity import fidelity_level
 from autonomy.frames import wgs84_from_ned
 from autonomy.seawater import DERIVED, can_derive
 from autonomy.site import Site
+from db.column import moments
 from db.fault import UnknownIdError
 from db.query.fleet.channels import told_counts
 from db.query.fleet.robots import (
@@ -301,7 +302,7 @@ async def get_track(
             std_m=[one if math.isfinite(one) else None for one in std_m.tolist()],
             fidelity=fidelity_level(std_m, thresholds_m).tolist(),
             adrift=[mode in DRIFT_MODES for mode in found.mode],
-            received_at=found.received_at if arrivals else None,
+            received_at=moments(found.received_us) if arrivals else None,
             latitude_deg=geodetic[:, 0].tolist(),
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,

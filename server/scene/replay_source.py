@@ -202,7 +202,7 @@ class ReplaySource:
         self._plan: PlanView | None = None
         way = recorded.track
         self._measured_s = np.array([one.timestamp() for one in way.measured_at])
-        self._received_s = np.array([one.timestamp() for one in way.received_at])
+        self._received_s = way.received_us / 1e6
         self._drawn: IntArray = np.empty(0, np.int64)
         """Which points of the track are drawn, by their places in it."""
 

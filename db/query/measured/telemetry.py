@@ -67,8 +67,8 @@ class Track:
     has_fix: BoolArray
     """Shape ``(n,)``."""
     mode: list[RobotMode | None]
-    received_at: list[datetime]
-    """When the station heard of each."""
+    received_us: FloatArray
+    """When the station heard of each, us since 1970; shape ``(n,)``."""
     decimated: bool
     """Whether points were left out; the shallowest and deepest of every interval are kept."""
 
@@ -339,7 +339,7 @@ def track(
         position_std_m=numbers[:, 4],
         has_fix=numbers[:, 5] != 0.0,
         mode=[_MODES.get(one) for one in numbers[:, 6].tolist()],
-        received_at=moments(numbers[:, 7]),
+        received_us=numbers[:, 7],
         decimated=decimated,
     )
 
