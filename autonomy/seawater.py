@@ -83,3 +83,35 @@ def derived(
             found, _ = gsw.Nsquared(absolute, conservative, pressure, latitude_deg)
         squared[1:] = np.where(np.abs(np.diff(pressure)) >= _LEAST_STEP_DBAR, found, np.nan)
     return squared
+
+
+def conservative_temperature(
+    absolute_salinity: FloatArray,
+    temperature: FloatArray,
+    depth_m: FloatArray,
+    latitude_deg: float,
+) -> FloatArray:
+    """Return the conservative temperature, degC, shape ``(n,)``.
+
+    Args:
+        absolute_salinity: g/kg, shape ``(n,)``.
+        temperature: In place, degC, shape ``(n,)``.
+        depth_m: Where it was measured, shape ``(n,)``.
+        latitude_deg: Of the water.
+    """
+    import gsw
+
+    pressure = gsw.p_from_z(-np.maximum(depth_m, 0.0), latitude_deg)
+    return np.asarray(gsw.CT_from_t(absolute_salinity, temperature, pressure))
+
+
+def sigma0(absolute_salinity: FloatArray, conservative: FloatArray) -> FloatArray:
+    """Return the potential density anomaly referred to the surface, kg/m3 less 1000.
+
+    Args:
+        absolute_salinity: g/kg.
+        conservative: Conservative temperature, degC, of the same shape, or one that fits it.
+    """
+    import gsw
+
+    return np.asarray(gsw.sigma0(absolute_salinity, conservative))

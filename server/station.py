@@ -8,6 +8,7 @@ from typing import Protocol
 from server.access import install as access
 from server.access.access import Access
 from server.alarm import install as alarm
+from server.analysis import install as analysis
 from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.base_map import install as base_map
@@ -79,6 +80,7 @@ CAPABILITIES = (
     recording,
     logbook,
     delivery,
+    analysis,
 )
 """Each stands on those before it alone."""
 ROUTERS = tuple(router for capability in CAPABILITIES for router in capability.ROUTERS)

@@ -30,6 +30,8 @@ TURN_LEAST_M: Final = 0.1
 """Of a tank, where pressure is known to centimetres."""
 TURN_MOST_M: Final = 3.0
 """Of the ocean: less than any glider's yo-yo."""
+_LEVEL_SHARE: Final = 0.25
+"""Of a turn: so much above the shallowest depth a robot is at the surface."""
 _NOISES: Final = 6.0
 _GAP_LEAST_S: Final = 300.0
 _GAP_STEPS: Final = 20.0
@@ -96,6 +98,7 @@ def find_dives(
     rows = np.flatnonzero(np.isfinite(depth_m))
     told, times = depth_m[rows], times_s[rows]
     depth = _median_of_three(told)
+    done = 0
     if scale is None:
         scale = dive_scale(depth, times)
     believed = np.where(np.abs(told - depth) <= scale.turn_m, told, depth)
@@ -105,11 +108,12 @@ def find_dives(
     breaks[[0, -1]] = True
     bounds = np.flatnonzero(breaks)
     found: list[Dive] = []
-    done = 0
-    for begin, end in zip(bounds[:-1].tolist(), (bounds[1:] - 1).tolist(), strict=True):
-        if not is_under[begin] or depth[begin : end + 1].max() <= 2.0 * scale.turn_m:
+    for number, begin in enumerate(bounds[:-1].tolist()):
+        if not is_under[begin] or depth[begin : bounds[number + 1]].max() <= 2.0 * scale.turn_m:
             continue
-        first, last = _widened(depth, times, begin, end, done, scale.gap_s)
+        first, last = _widened(depth, times, bounds, number, scale)
+        if found and first < done:
+            first = done
         turns = first + _turns(depth[first : last + 1], scale.turn_m)
         deepest = first + int(np.argmax(believed[first : last + 1]))
         found.append(
@@ -120,7 +124,7 @@ def find_dives(
                 tuple(rows[turns].tolist()),
             )
         )
-        done = last + 1
+        done = last
     return found
 
 
@@ -135,21 +139,35 @@ def _median_of_three(values: FloatArray) -> FloatArray:
 
 
 def _widened(
-    depth_m: FloatArray, times_s: FloatArray, first: int, last: int, least: int, gap_s: float
+    depth_m: FloatArray, times_s: FloatArray, bounds: IntArray, number: int, scale: DiveScale
 ) -> tuple[int, int]:
-    """Return where the robot began to sink before a stretch, and where it stopped to rise after."""
-    while (
-        first > least
-        and depth_m[first - 1] < depth_m[first]
-        and times_s[first] - times_s[first - 1] <= gap_s
-    ):
-        first -= 1
-    while (
-        last + 1 < depth_m.size
-        and depth_m[last + 1] < depth_m[last]
-        and times_s[last + 1] - times_s[last] <= gap_s
-    ):
-        last += 1
+    """Return where the robot began to sink before a stretch, and where it stopped to rise after.
+
+    That is where it was last, or again, nearly as shallow as ever in the stretch at the surface
+    beside, and from there as far as the depth goes on.
+
+    Args:
+        depth_m: Shape ``(n,)``.
+        times_s: Shape ``(n,)``.
+        bounds: Where stretches begin, and the end of the last.
+        number: Of the stretch, which is under water.
+        scale: What counts.
+    """
+    first, last = int(bounds[number]), int(bounds[number + 1]) - 1
+    level_m = _LEVEL_SHARE * scale.turn_m
+    if number > 0 and times_s[first] - times_s[first - 1] <= scale.gap_s:
+        before = depth_m[bounds[number - 1] : first]
+        if before[-1] <= scale.turn_m:
+            back = int(np.argmax(before[::-1] <= before.min() + level_m))
+            first -= back + 1
+            while first > bounds[number - 1] and depth_m[first - 1] < depth_m[first]:
+                first -= 1
+    if last + 1 < depth_m.size and times_s[last + 1] - times_s[last] <= scale.gap_s:
+        after = depth_m[last + 1 : bounds[number + 2]]
+        if after[0] <= scale.turn_m:
+            last += 1 + int(np.argmax(after <= after.min() + level_m))
+            while last + 1 < bounds[number + 2] and depth_m[last + 1] < depth_m[last]:
+                last += 1
     return first, last
 
 

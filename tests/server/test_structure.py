@@ -15,7 +15,7 @@ ORDER = (
     "link", "satellite", "lease", "command", "drive", "current", "map", "tag", "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
     "prediction", "alarm", "notice", "scene", "replay", "recording_file", "recording", "logbook",
-    "delivery", "cli",
+    "delivery", "analysis", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 190
@@ -50,7 +50,7 @@ def test_arrows_between_rooms_are_few_and_none_goes_up():
     # Where no arrow goes up, none can close a circle.
     assert not upward
     assert len(found) <= ARROWS_MAX
-    assert len(rooms) <= 36
+    assert len(rooms) <= 38
 
 
 def test_every_room_has_its_place_and_fits_on_a_page():

@@ -3,12 +3,16 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import select
+import numpy as np
+from sqlalchemy import BigInteger, select, type_coerce
 from sqlalchemy.orm import Session
 
+from autonomy.arrays import FloatArray, IntArray
 from db.query.fleet.robots import robot_key
 from db.tables import STATE_CHANNELS, StateRow
 from robot_link.messages import RobotMode
+
+_ROWS_AT_ONCE = 8192
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,28 @@ def battery_readings(
         for at, mode, value in session.execute(statement)
         if mode is not None
     ]
+
+
+def charge_told(
+    session: Session, robot: str, start: datetime, end: datetime | None
+) -> tuple[IntArray, FloatArray]:
+    """Return when a robot told its charge, us, and the share of it, shape ``(n,)`` each.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at, fraction = StateRow.measured_at, STATE_CHANNELS["battery_fraction"]
+    statement = select(type_coerce(at, BigInteger), fraction).where(
+        StateRow.robot_key == robot_key(session, robot), at >= start, fraction.is_not(None)
+    )
+    if end is not None:
+        statement = statement.where(at <= end)
+    found = session.execute(statement.order_by(at).execution_options(yield_per=_ROWS_AT_ONCE))
+    parts = [
+        np.array([tuple(row) for row in part], dtype=np.float64) for part in found.partitions()
+    ]
+    table = np.concatenate(parts) if parts else np.empty((0, 2))
+    return table[:, 0].astype(np.int64), table[:, 1]
 
 
 def first_place(session: Session, robot: str, since: datetime) -> tuple[float, float] | None:

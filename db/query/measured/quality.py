@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import insert, select
+import numpy as np
+from sqlalchemy import BigInteger, insert, select, type_coerce
 from sqlalchemy.orm import Session
 
+from autonomy.arrays import FloatArray
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.quality_tables import ManualFlagRow, QualityRunRow, QualityStretchRow
@@ -124,6 +126,23 @@ def quality_stretches(
         .limit(limit)
     )
     return [same(QualityStretch, row) for row in rows]
+
+
+def flag_spans(session: Session, run: int, series: str) -> FloatArray:
+    """Return first and last moment, us, and flag of what a run found in a series, shape ``(n, 3)``.
+
+    Whole microseconds of this age are exact in a float.
+    """
+    rows = session.execute(
+        select(
+            type_coerce(QualityStretchRow.first_at, BigInteger),
+            type_coerce(QualityStretchRow.last_at, BigInteger),
+            QualityStretchRow.flag,
+        )
+        .where(QualityStretchRow.run_key == run, QualityStretchRow.series == series)
+        .order_by(QualityStretchRow.first_at)
+    )
+    return np.array([tuple(row) for row in rows], dtype=np.float64).reshape(-1, 3)
 
 
 def add_manual_flag(

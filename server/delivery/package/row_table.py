@@ -52,7 +52,7 @@ class RowTables:
             column
             for key, channel in order.channels.items()
             for column in (
-                (_named(key, channel.unit), channel.unit, channel.title),
+                (column_name(key, channel.unit), channel.unit, channel.title),
                 (f"{key}_qc", "", f"{channel.title}: {_QC}"),
             )
         ]
@@ -88,7 +88,7 @@ class RowTables:
         if is_sample.any():
             cells: list[list[str]] = []
             for key in self._order.channels:
-                cells.append(_numbers(block.value[key][is_sample]))
+                cells.append(number_cells(block.value[key][is_sample]))
                 cells.append(self._cells_of_flags(key, offset, is_sample))
             _write(self._samples, [*place(is_sample), *cells])
         is_state = block.mode >= 0
@@ -127,8 +127,8 @@ class RowTables:
         at = np.datetime_as_string(block.measured_at_us[chosen].view("datetime64[us]"))
         return [
             [f"{one}Z" for one in at.tolist()],
-            *(_numbers(placed.wgs84[chosen, number]) for number in range(3)),
-            _numbers(block.position_std_m[chosen]),
+            *(number_cells(placed.wgs84[chosen, number]) for number in range(3)),
+            number_cells(block.position_std_m[chosen]),
             *(self._cells_of_flags(key, offset, chosen) for key in (POSITION, DEPTH)),
         ]
 
@@ -141,7 +141,7 @@ def _write(table: _Table, columns: Sequence[list[str]]) -> None:
     table.file.write("\n".join(map(",".join, zip(*columns, strict=True))) + "\n")
 
 
-def _numbers(values: FloatArray) -> list[str]:
+def number_cells(values: FloatArray) -> list[str]:
     """Return numbers so that they read back as they are; nothing for what nobody told."""
     # a number that is not one differs from itself
     return [repr(one) if one == one else "" for one in values.tolist()]
@@ -150,10 +150,10 @@ def _numbers(values: FloatArray) -> list[str]:
 def _flown(block: RowBlock, variable: StateVariable, chosen: BoolArray) -> list[str]:
     key, name, *_, factor = variable
     values = block.state[key][chosen] * factor
-    return _numbers(values % 360.0 if name == "HEADING" else values)
+    return number_cells(values % 360.0 if name == "HEADING" else values)
 
 
-def _named(key: str, unit: str) -> str:
+def column_name(key: str, unit: str) -> str:
     """Return the name of a column, with its unit in letters that every program takes."""
     word = "".join(one if one.isalnum() else "_" for one in unit.replace("%", "percent")).strip("_")
     return f"{key}_{word}" if word and unit != "1" else key

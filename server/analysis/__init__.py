@@ -1,0 +1,1 @@
+"""What people expect to see of a deployment: dives, sections, T-S, statistics."""

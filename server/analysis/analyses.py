@@ -1,0 +1,92 @@
+"""Asks for rows of deployments: small ones here, large ones in a worker that can be given up."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Final, TypeVar
+
+from sqlalchemy.orm import Session
+from starlette.requests import Request
+
+from server.analysis import answer
+from server.analysis.answer import DivesFound, RowsFound
+from server.analysis.question import Question, about_dives, question_of
+from server.base.foundation import Foundation
+from server.base.job import JobError
+from server.base.problem import Problem
+from server.base.study import worked_out
+from server.delivery.judged import IsCancelled
+
+HERE_MAX: Final = 100_000
+"""Deployments of more samples are read in a worker."""
+_LOOK_S: Final = 0.5
+T = TypeVar("T")
+Find = Callable[[Session, Question, IsCancelled], T]
+
+
+class Analyses:
+    """Reads deployments for figures. Belongs to one event loop."""
+
+    def __init__(self, foundation: Foundation) -> None:
+        self._foundation = foundation
+
+    async def question(
+        self,
+        deployment: str,
+        channels: list[str],
+        dives: str,
+        *,
+        flag_max: int,
+        limit: int | None = None,
+    ) -> Question:
+        """Return what is asked; see ``question_of`` for what is refused."""
+        url = self._foundation.settings.resolved_database_url
+        return await self._foundation.store.query(
+            lambda session: question_of(
+                session, deployment, url, channels, dives, flag_max=flag_max, limit=limit
+            )
+        )
+
+    async def dives(self, request: Request, deployment: str) -> DivesFound:
+        """Return the dives of a deployment, and what can be asked of it.
+
+        Raises:
+            Problem: 503 if the work failed.
+        """
+        question = about_dives(await self.question(deployment, [], "", flag_max=4))
+        return await self._found(request, question, answer.find_facts, answer.DIVES_TASK)
+
+    async def rows(self, request: Request, question: Question) -> RowsFound:
+        """Return thinned rows with their statistics.
+
+        Raises:
+            Problem: 503 if the work failed.
+        """
+        return await self._found(request, question, answer.find_rows, answer.ROWS_TASK)
+
+    async def _found(self, request: Request, question: Question, find: Find[T], task: str) -> T:
+        if question.size <= HERE_MAX:
+            return await self._foundation.store.query(
+                lambda session: find(session, question, lambda: False)
+            )
+        work = worked_out(self._foundation.study_workers, task, question)
+        try:
+            return await _while_wanted(request, work)
+        except JobError as error:
+            raise Problem(503, f"The rows could not be read; try again. {error}") from error
+
+
+async def _while_wanted(request: Request, work: Awaitable[T]) -> T:
+    """Wait for work; call it off once whoever asked for it has gone.
+
+    Raises:
+        Problem: 503 if they have, which nobody reads.
+    """
+    task = asyncio.ensure_future(work)
+    try:
+        while not (await asyncio.wait((task,), timeout=_LOOK_S))[0]:
+            if await request.is_disconnected():
+                raise Problem(503, "Nobody waits for it any more.")
+        return await task
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)

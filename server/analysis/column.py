@@ -1,0 +1,248 @@
+"""All rows of a deployment as columns, with the flags that they have, and the dives in them."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.profile.dive import Dive, Legs, find_dives, leg_at, legs_of
+from autonomy.quality.flag import FAIL, OG1_FILL, FlagArray, og1_flags
+from autonomy.seawater import conservative_temperature
+from db.column import microseconds
+from db.query.measured.merged_rows import RowBlock
+from db.query.measured.quality import ManualFlag, flag_spans, manual_flags, newest_quality_run
+from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question, Series
+from server.delivery.judged import DEPTH, IsCancelled, blocks_of
+
+APART_US: Final = 10_000_000
+"""Two values of a series that are farther apart in time say nothing of a moment between them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Rows in order of time, shape ``(n,)`` each; NaN where nobody told."""
+
+    at_us: IntArray
+    position_ned: FloatArray
+    """Shape ``(n, 3)``."""
+    has_fix: BoolArray
+    is_paced: BoolArray
+    """Whether dives are found by the depth of this row."""
+    values: Mapping[str, FloatArray]
+    """By series."""
+
+    @property
+    def depth_m(self) -> FloatArray:
+        """Depths, m."""
+        return self.position_ned[:, 2]
+
+
+def read_columns(session: Session, question: Question, is_cancelled: IsCancelled) -> Columns:
+    """Read all rows once, block by block.
+
+    Raises:
+        WorkCancelledError: Between two blocks.
+    """
+    parts: dict[str, list[np.ndarray]] = defaultdict(list)
+    for block in blocks_of(session, question.wanted, is_cancelled):
+        for name, part in _parts(block, question):
+            # a copy: a view would hold the whole block
+            parts[name].append(part.copy())
+
+    def joined(name: str, kind: type, width: int | None = None) -> Any:  # noqa: ANN401 - any array
+        found = parts.pop(name, [])
+        shape = (0,) if width is None else (0, width)
+        return np.concatenate(found) if found else np.empty(shape, dtype=kind)
+
+    at_us = joined("at", np.int64)
+    position = joined("position", np.float64, 3)
+    keys = {one.key for one in question.series} | set(question.wanted.channels)
+    values: dict[str, FloatArray] = {
+        key: joined(f"value:{key}", np.float64) for key in keys - {DEPTH, CONSERVATIVE}
+    }
+    values[DEPTH] = position[:, 2]
+    if CONSERVATIVE in keys:
+        latitude_deg = question.wanted.deployment.site.origin_latitude_deg
+        values[CONSERVATIVE] = conservative_temperature(
+            values[SALINITY], values[TEMPERATURE], position[:, 2], latitude_deg
+        )
+    return Columns(at_us, position, joined("fix", np.bool_), joined("paced", np.bool_), values)
+
+
+def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
+    # a recording's states have no mode, and are there at the times of its samples
+    is_recorded = question.wanted.deployment.kind == "recorded"
+    paced = np.full(len(block), is_recorded) | (block.mode >= 0)
+    if question.pace is not None:
+        paced |= np.isfinite(block.value[question.pace])
+    states = [
+        (f"value:{one.key}", _turned(one, block.state[one.key]))
+        for one in question.series
+        if one.kind == "state" and one.key != DEPTH
+    ]
+    return [
+        ("at", block.measured_at_us),
+        ("position", block.position_ned),
+        ("fix", block.has_fix),
+        ("paced", paced),
+        *states,
+        *((f"value:{key}", values) for key, values in block.value.items()),
+    ]
+
+
+def _turned(series: Series, values: FloatArray) -> FloatArray:
+    """Return values of a state in the unit of files, in which headings are 0 to 360."""
+    found = values * series.factor
+    return found % 360.0 if series.variable == "HEADING" else found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flown:
+    """The dives of a deployment."""
+
+    dives: list[Dive]
+    rows: IntArray
+    """Rows of the deployment by the numbers that dives have of them."""
+    legs: Legs
+
+
+def dives_in(columns: Columns, flags: FlagArray) -> Flown:
+    """Find the dives by depths that nobody calls bad.
+
+    Args:
+        columns: All rows.
+        flags: Of the depths, shape ``(n,)``.
+    """
+    rows = np.flatnonzero(columns.is_paced & np.isfinite(columns.depth_m) & (flags < FAIL))
+    times_s, depth_m = columns.at_us[rows] / 1e6, columns.depth_m[rows]
+    dives = find_dives(depth_m, times_s)
+    return Flown(dives, rows, legs_of(dives, depth_m, times_s))
+
+
+class Flags:
+    """What is known of the quality of a deployment: its newest run of rules, and people's flags."""
+
+    def __init__(self, session: Session, deployment: str) -> None:
+        self._session = session
+        self._run = newest_quality_run(session, deployment)
+        self._manual: list[ManualFlag] = manual_flags(session, deployment)
+
+    @property
+    def is_checked(self) -> bool:
+        """Whether rules were run."""
+        return self._run is not None
+
+    def of(self, series: str, columns: Columns) -> FlagArray:
+        """Return the flags of OG1.0 of a series, shape ``(n,)``; ``OG1_FILL`` where no value is.
+
+        A value that the newest run did not see has 0, no control. What is computed of two series
+        here has the greater of their flags.
+        """
+        if series == CONSERVATIVE:
+            found = np.maximum(self.of(SALINITY, columns), self.of(TEMPERATURE, columns))
+            found[~np.isfinite(columns.values[CONSERVATIVE])] = OG1_FILL
+            return found
+        at_us = columns.at_us
+        qartod = np.zeros(len(at_us), dtype=np.int8)
+        run = self._run
+        if run is not None and series in run.counts:
+            qartod[at_us <= microseconds(run.at)] = 1
+            spans = flag_spans(self._session, run.key, series)
+            begins = np.searchsorted(at_us, spans[:, 0], side="left")
+            ends = np.searchsorted(at_us, spans[:, 1], side="right")
+            for begin, end, flag in zip(begins, ends, spans[:, 2], strict=True):
+                qartod[begin:end] = flag
+        flags = og1_flags(qartod)
+        for one in self._manual:
+            if one.series == series:
+                begin = np.searchsorted(at_us, microseconds(one.first_at), side="left")
+                end = np.searchsorted(at_us, microseconds(one.last_at), side="right")
+                flags[begin:end] = one.flag
+        flags[~np.isfinite(columns.values[series])] = OG1_FILL
+        return flags
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Values of some series at the same moments, shape ``(m,)`` each."""
+
+    at_us: IntArray
+    dive: IntArray
+    leg: IntArray
+    direction: IntArray
+    depth_m: FloatArray
+    values: Mapping[str, FloatArray]
+    flags: Mapping[str, FlagArray]
+    interpolated: Mapping[str, int]
+    """How many values lie between two that were measured."""
+
+    def __len__(self) -> int:
+        return len(self.at_us)
+
+
+def read_table(session: Session, question: Question, is_cancelled: IsCancelled) -> Table:
+    """Read some series of a deployment, each value at the moments of the one that has fewest.
+
+    Others are interpolated in time between two values that are at most ten seconds apart; such a
+    value has the greater flag of the two. Rows of other dives are left out, and so are values
+    whose flag is beyond ``flag_max``; rows without any value are none.
+
+    Raises:
+        WorkCancelledError: Between two blocks.
+    """
+    columns = read_columns(session, question, is_cancelled)
+    flags = Flags(session, question.wanted.deployment.id)
+    legs = dives_in(columns, flags.of(DEPTH, columns)).legs
+    known = {one.key: flags.of(one.key, columns) for one in question.series}
+    values = {
+        key: np.where(found <= question.flag_max, columns.values[key], np.nan)
+        for key, found in known.items()
+    }
+    told = {key: np.flatnonzero(np.isfinite(one)) for key, one in values.items()}
+    sampled = [key for key in told if key != DEPTH] or list(told)
+    rows = told[min(sampled, key=lambda key: len(told[key]))]
+    dive, leg, direction = leg_at(legs, columns.at_us[rows] / 1e6)
+    if question.spans is not None:
+        chosen = np.zeros(len(rows), dtype=np.bool_)
+        for first, last in question.spans:
+            chosen |= (dive >= first) & (dive <= last)
+        rows, dive, leg, direction = rows[chosen], dive[chosen], leg[chosen], direction[chosen]
+    aligned = {key: _at(rows, columns.at_us, values[key], known[key]) for key in known}
+    return Table(
+        at_us=columns.at_us[rows],
+        dive=dive,
+        leg=leg,
+        direction=direction,
+        depth_m=_at(rows, columns.at_us, columns.depth_m, known.get(DEPTH))[0],
+        values={key: one[0] for key, one in aligned.items()},
+        flags={key: one[1] for key, one in aligned.items()},
+        interpolated={key: one[2] for key, one in aligned.items()},
+    )
+
+
+def _at(
+    rows: IntArray, at_us: IntArray, values: FloatArray, flags: FlagArray | None
+) -> tuple[FloatArray, FlagArray, int]:
+    """Return values and flags at some rows, and how many of them lie between two others."""
+    found = values[rows]
+    given = np.zeros(len(rows), dtype=np.int8) if flags is None else flags[rows].copy()
+    given[~np.isfinite(found)] = OG1_FILL
+    told = np.flatnonzero(np.isfinite(values))
+    lacking = np.flatnonzero(~np.isfinite(found))
+    after = np.searchsorted(told, rows[lacking])
+    between = (after > 0) & (after < len(told))
+    lacking, after = lacking[between], after[between]
+    one, other = told[after - 1], told[after]
+    near = at_us[other] - at_us[one] <= APART_US
+    lacking, one, other = lacking[near], one[near], other[near]
+    share = (at_us[rows[lacking]] - at_us[one]) / (at_us[other] - at_us[one])
+    found[lacking] = values[one] + share * (values[other] - values[one])
+    if flags is not None:
+        given[lacking] = np.maximum(flags[one], flags[other])
+    else:
+        given[lacking] = 0
+    return found, given, len(lacking)
