@@ -6,6 +6,7 @@ import { AlarmApi } from './alarm';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
 import { DecisionApi } from './decision';
+import { AnalysisApi } from './analysis';
 import { DeliveryApi } from './delivery';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
@@ -88,6 +89,7 @@ export class Api {
   readonly setup = new SetupApi(this.#http);
   readonly decisions = new DecisionApi(this.#http);
   readonly delivery = new DeliveryApi(this.#http);
+  readonly analysis = new AnalysisApi(this.#http);
   readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
   readonly checklist = new ChecklistApi(this.#http);
