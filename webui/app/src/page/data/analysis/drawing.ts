@@ -1,8 +1,7 @@
 import type { DiveFacts, Series, SeriesRows } from '../../../api/types';
 import { contour } from '../../../chart/contour';
 import { finiteRange, ticks } from '../../../chart/slice';
-import { compact } from '../../../text/unit';
-import { screenUnit } from '../../../text/unit';
+import { compact, screenUnit } from '../../../text/unit';
 
 /** What the figures of an analysis show, in the units of their axes. */
 
@@ -13,6 +12,8 @@ export interface Axis {
   range: Range;
   /** Seconds since 1970. */
   isTime?: boolean;
+  /** Whole numbers alone mean something, such as those of dives. */
+  isWhole?: boolean;
   /** Grows downwards, as depth does. */
   isDown?: boolean;
 }
@@ -197,7 +198,7 @@ export function profilesOf(rows: SeriesRows, halves: Halves): Drawing | null {
     y: { title: 'Depth, m', range: depthRange(found.b.filter((_, i) => kept[i])), isDown: true },
     dots: { ...flagged, ...grave },
     strokes,
-    scale: { title: 'Dive', range },
+    scale: range[0] === range[1] ? null : { title: 'Dive', range },
     keys: [
       { title: 'down', colour: 'var(--text)' },
       { title: 'up', colour: 'var(--text)', isDashed: true },
@@ -294,12 +295,12 @@ export function divesOf(dives: readonly DiveFacts[], measure: Measure): Drawing 
   if (heights.length === 0) return null;
   return {
     ...NOTHING,
-    x: { title: 'Dive', range: [0.4, (dives.at(-1)?.number ?? 1) + 0.6] },
+    x: { title: 'Dive', range: [0.4, (dives.at(-1)?.number ?? 1) + 0.6], isWhole: true },
     y: { title: axis, range: [0, Math.max(...heights, 1e-3) * 1.05], isDown },
     dots: null,
     bars: {
-      from: told.map(({ number }) => number - 0.4),
-      to: told.map(({ number }) => number + 0.4),
+      from: told.map(({ number }) => number - 0.3),
+      to: told.map(({ number }) => number + 0.3),
       height: heights,
     },
   };

@@ -117,7 +117,13 @@ function isWithin(value: number, [low, high]: Range): boolean {
 }
 
 export function marksOf(axis: Axis, range: Range, count: number): Mark[] {
-  return axis.isTime ? timeMarks(range, count) : scaleMarks(range[0], range[1], count);
+  if (axis.isTime) return timeMarks(range, count);
+  const marks = scaleMarks(range[0], range[1], count);
+  return axis.isWhole
+    ? marks
+        .filter(({ at }) => Math.abs(at - Math.round(at)) < 1e-6)
+        .map(({ at }) => ({ at, text: String(Math.round(at)) }))
+    : marks;
 }
 
 const DAY_S = 86_400;
@@ -194,7 +200,7 @@ export function movedView({ x, y }: View, factor: number, right = 0, up = 0): Vi
   return { x: part(x, right), y: part(y, up) };
 }
 
-const NIGHT = ['3a0b04', 'b8462f', 'ff6a52', 'ffc4b0'];
+const NIGHT = ['86291a', 'c24c34', 'ff6a52', 'ffc4b0'];
 
 /** Colours of the shades; of one hue at night, brighter all the way. */
 export function shadeColours(isNight: boolean): string[] {
