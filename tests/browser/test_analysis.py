@@ -76,6 +76,7 @@ def path(screen, calm):
 @pytest.fixture
 def panel(screen, calm, path):
     screen.set_viewport_size({"width": 1600, "height": 950})
+    screen.goto("about:blank")  # what an earlier test chose is gone
     open_page(screen, calm, f"/data/{ROBOT}#{path.rpartition('/')[2]}")
     found = screen.get_by_role("region", name="Analysis")
     expect(picture_of(found)).to_be_visible()
