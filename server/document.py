@@ -15,9 +15,13 @@ from server.base.problem import ERROR_FAMILIES, MEDIA_TYPE
 from server.base.view import CURSOR_MAX, View
 from server.command.view import CommandView
 from server.current.ocean_task import CurrentProposal
+from server.delivery.files import FileResult
+from server.delivery.package.packages import PackageResult
+from server.delivery.quality import QualityResult
 from server.fleet.view import LiveRobotView
 from server.map.view import LearnedView
 from server.plan.view import LivePlanView, TransferView
+from server.recording.decision_replays import DecisionReplayResult
 from server.recording.foreign import ImportFaults, ImportReport, RecordingProposal
 from server.recording.intake import ImportRefusal, ImportResult
 from server.study.view import TrimAdviceView
@@ -38,6 +42,10 @@ JOB_RESULTS: tuple[type[Any], ...] = (
     CurrentProposal,
     LearnedView,
     TrimAdviceView,
+    QualityResult,
+    FileResult,
+    PackageResult,
+    DecisionReplayResult,
 )
 """What jobs leave, of those that a program may want to read."""
 _REF = "#/components/schemas/{model}"

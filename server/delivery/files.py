@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sqlalchemy.orm import Session
+from typing_extensions import TypedDict
 
 from autonomy.field.config import FieldConfig
 from autonomy.quality.rules import QualityRules
@@ -183,6 +184,13 @@ Writing = JobPerKey[str]
 """Jobs that write something of a deployment, one at a time of each."""
 
 
+class FileResult(TypedDict):
+    """Which file was written."""
+
+    deployment: str
+    file: str
+
+
 class DeliveryFiles:
     """Has files written. Belongs to one event loop."""
 
@@ -218,7 +226,7 @@ class DeliveryFiles:
             robot=order.robot.id,
         )
 
-    async def _work(self, order: FileOrder, by: str, progress: JobProgress) -> dict[str, str]:
+    async def _work(self, order: FileOrder, by: str, progress: JobProgress) -> FileResult:
         foundation = self._foundation
         kept = await worked_out(
             foundation.study_workers,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from sqlalchemy.orm import Session
+from typing_extensions import TypedDict
 
 from autonomy.quality.rules import QualityRules
 from autonomy.seawater import DERIVED, can_derive
@@ -158,6 +159,12 @@ def write_flag(
     return kept
 
 
+class QualityResult(TypedDict):
+    """Whose data were judged."""
+
+    deployment: str
+
+
 class QualityRuns:
     """Runs the rules over deployments, one at a time each. Belongs to one event loop."""
 
@@ -215,7 +222,7 @@ class QualityRuns:
         except FlagStateError as error:
             raise conflict(str(error)) from error
 
-    async def _work(self, wanted: Wanted, by: str, progress: JobProgress) -> dict[str, str]:
+    async def _work(self, wanted: Wanted, by: str, progress: JobProgress) -> QualityResult:
         found = await worked_out(
             self._foundation.study_workers,
             quality_task.TASK,

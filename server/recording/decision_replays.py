@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, cast
 
+from typing_extensions import TypedDict
+
 from db.query.mission.decisions import DecisionRange
 from db.query.station.jobs import newest_job
 from server.base.decision.replay import DecisionReplay, Verdict, counted
@@ -12,6 +14,17 @@ from server.base.job import JobPerKey, JobProgress
 from server.recording.decision_kind import KINDS
 
 _KIND = "replay of decisions"
+
+
+class DecisionReplayResult(TypedDict):
+    """What a replay of decisions found."""
+
+    message: str
+    same: int
+    different: int
+    cannot: int
+    verdicts: list[list[str]]
+    """Of each its id, the word, and why."""
 
 
 class DecisionReplays:
@@ -46,7 +59,7 @@ class DecisionReplays:
         return {decision: (word, because) for decision, word, because in told}
 
 
-def _result(verdicts: list[Verdict]) -> Mapping[str, Any]:
+def _result(verdicts: list[Verdict]) -> DecisionReplayResult:
     of = Counter(verdict.word for verdict in verdicts)
     return {
         "message": f"{counted(verdicts)}.",

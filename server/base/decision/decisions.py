@@ -73,8 +73,11 @@ class Decisions:
         try:
             result: R = await work
         except asyncio.CancelledError:
-            for left in told:  # nothing was decided where the work had not begun
-                end = _Ended("ended") if left is None else _Ended("cancelled", *left)
+            for left in told:
+                # nothing was decided where the work had not begun, or left nothing
+                end = _Ended("ended")
+                if left is not None and left[0] is not None:
+                    end = _Ended("cancelled", *left)
                 await self._keep(kind, problem, cause, at, end)
             raise
         except WorkerTaskError as error:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from sqlalchemy.orm import Session
+from typing_extensions import TypedDict
 
 from db.fault import StoreError
 from db.query.measured.delivery_files import DeliveryFile, delivery_files, kept_files
@@ -36,6 +37,16 @@ JOB: Final = "delivery"
 KEPT: Final = timedelta(days=7)
 """How long a delivery is kept once it is packed; the data stay."""
 _CLEAN_EVERY_S: Final = 3600.0
+
+
+class PackageResult(TypedDict):
+    """Which delivery was packed."""
+
+    deployment: str
+    package: str
+    file: str
+    sha256: str
+    expires_at: str
 
 
 def package_order_of(
@@ -161,7 +172,7 @@ class DeliveryPackages:
         if gone:
             log.info("%d files of deliveries that nobody knows any more were removed", gone)
 
-    async def _work(self, order: PackageOrder, by: str, progress: JobProgress) -> dict[str, str]:
+    async def _work(self, order: PackageOrder, by: str, progress: JobProgress) -> PackageResult:
         foundation = self._foundation
         kept: KeptPackage = await worked_out(
             foundation.study_workers,
