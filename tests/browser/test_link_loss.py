@@ -1,9 +1,7 @@
 """A robot is lost: what the page says of it meanwhile, over a power cut of the station too."""
 
 import re
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -75,10 +73,6 @@ def test_a_robot_is_lost_over_a_power_cut_as_its_stations_people_see_it(
         order = lake.post(f"/api/robots/{ROBOT}/commands", {"kind": "hold"})["id"]
         lake.restart_station()
         survives(lake, page, flown, send, order, alarm, journey)
-
-        lake.client.delete(f"/api/demo/faults/{ROBOT}/antenna").raise_for_status()
-        fills_in(lake, page, journey)
-        written_down(lake, page, lost_at, journey)
 
 
 def state(lake: Demo) -> Json:
@@ -230,60 +224,3 @@ def survives(
         f"{len(acts)} acts, alarm {same['state']}"
     )
     journey.tell("restart", "SIGKILL in the loss keeps queue and plan on board", figure)
-
-
-NUMBERS = """
-WITH numbered AS (
-  SELECT first, last, lag(last) OVER (PARTITION BY log_key ORDER BY first) AS before FROM sample_run
-)
-SELECT
-  (SELECT count(*) FROM sample),
-  (SELECT sum(last - first + 1) FROM sample_run),
-  (SELECT sum(first - before - 1) FROM numbered),
-  (SELECT count(*) FROM detection WHERE measured_at < (SELECT max(measured_at) FROM sample))
-"""
-"""Samples, their distinct numbers, numbers between that no sample has, and tags that were heard,
-which a robot numbers in the same log."""
-
-
-def numbers(lake: Demo) -> tuple[int, int, int, int]:
-    with closing(sqlite3.connect(f"file:{lake.data}/station.sqlite3?mode=ro", uri=True)) as db:
-        samples, distinct, missing, tags = db.execute(NUMBERS).fetchone()
-    return samples, distinct, missing or 0, tags
-
-
-def fills_in(lake: Demo, page: Page, journey: Journey) -> None:
-    """5. The robot returns: every number is there once, and the chart says where none was told."""
-    before, *_ = numbers(lake)
-    lake.wait("the robot again", lambda: state(lake)["link"]["state"] == "live", 600.0)
-
-    def is_whole() -> bool:
-        samples, distinct, missing, tags = numbers(lake)
-        return samples > before and samples == distinct and missing == tags
-
-    lake.wait(f"a log without a hole, not {numbers(lake)}", is_whole, 180.0)
-    samples, distinct, missing, tags = numbers(lake)
-    gap = page.get_by_text(re.compile(r"gaps?(, the longest)? from [0-9:]+"))
-    open_page(page, lake, f"/robot/{ROBOT}")
-    expect(gap.first).to_be_visible()
-    page.screenshot(path=SHOTS / "link-loss-back.png")
-    figure = (
-        f"{samples} samples, {before} before the return, with {distinct} numbers; the {missing} "
-        f"between are {tags} tags that were heard; the chart: {gap.first.inner_text()!r}"
-    )
-    journey.tell("5", "back-fill in order, gaps marked, no duplicate", figure)
-
-
-def written_down(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> None:
-    """6. The log says how long it was lost, and why as far as is known."""
-
-    def told() -> str | None:
-        events = lake.get("/api/events", robot=ROBOT, kind="robot.contact")["events"]
-        texts = [one["text"] for one in events if datetime.fromisoformat(one["at"]) > lost_at]
-        return next((text for text in texts if "heard again after" in text), None)
-
-    text = lake.wait("the contact in the log", told, 60.0)
-    assert "under water" in text
-    open_page(page, lake, f"/log?robot={ROBOT}")
-    expect(page.get_by_text(text).first).to_be_visible()
-    journey.tell("6", "loss, duration and cause in the log", repr(text))
