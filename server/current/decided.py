@@ -9,11 +9,6 @@ def _learned(result: CurrentMapConfig) -> object:
     return result.model_dump(mode="json")
 
 
-def _no_seed(problem: CurrentLearning) -> tuple[int, ...]:
-    del problem
-    return ()
-
-
 LEARNED_CURRENT = DecisionKind(
     key="current",
     title="Strength and size of a current",
@@ -21,5 +16,4 @@ LEARNED_CURRENT = DecisionKind(
     problem=CurrentLearning,
     outcome=_learned,
     map_parts=("config", "observations"),
-    seed=_no_seed,
 )

@@ -25,11 +25,6 @@ def _seed(problem: LearningProblem) -> tuple[int, ...]:
     return (problem.seed,)
 
 
-def _no_seed(problem: ComparisonProblem) -> tuple[int, ...]:
-    del problem
-    return ()
-
-
 LEARNED_KERNELS = DecisionKind(
     key="kernels",
     title="Kernels of a map",
@@ -46,5 +41,4 @@ COMPARED_MODELS = DecisionKind(
     problem=ComparisonProblem,
     outcome=_compared,
     map_parts=("field", "samples"),
-    seed=_no_seed,
 )

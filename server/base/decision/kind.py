@@ -10,6 +10,11 @@ P = TypeVar("P")
 R = TypeVar("R")
 
 
+def _no_seed(problem: object) -> tuple[int, ...]:
+    del problem
+    return ()
+
+
 def _no_pace(result: object) -> Pace | None:
     del result
     return None
@@ -34,7 +39,7 @@ class DecisionKind(Generic[P, R]):
     """Returns what counts of a result, as JSON with numbers that may be quantized."""
     map_parts: tuple[str, ...]
     """Where the problem has the map: names of fields, with dots within."""
-    seed: Callable[[P], tuple[int, ...]]
+    seed: Callable[[P], tuple[int, ...]] = _no_seed
     """Returns what its random numbers begin with, empty where it draws none."""
     pace: Callable[[R], Pace | None] = _no_pace
     """Returns how far a result came by the clock."""

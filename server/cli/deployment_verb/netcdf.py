@@ -10,7 +10,7 @@ from typing import Any
 from server.base.job import JobError
 from server.base.problem import Problem
 from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
-from server.cli.deployment_verb.taken import download, folder_of, free
+from server.cli.deployment_verb.taken import add_arguments, download, folder_of, free
 from server.cli.deployment_verb.word import BY, refusal
 from server.cli.failure import CommandError
 from server.delivery import file_task
@@ -22,13 +22,7 @@ ACTION = "netcdf"
 def add_action(actions: Any) -> ArgumentParser:  # noqa: ANN401 - argparse's own, which has no name
     """Declare the action."""
     parser = actions.add_parser(ACTION, help="write it as NetCDF of OG1.0 and CF, and check that")
-    parser.add_argument("deployment", help="its id, such as deployment-3")
-    parser.add_argument("folder", type=Path, help="where to; the file's name is its id")
-    parser.add_argument(
-        "--no-better-data",
-        action="store_true",
-        help="confirm, of a reviewed deployment, that nothing better exists than telemetry",
-    )
+    add_arguments(parser)
     return parser
 
 

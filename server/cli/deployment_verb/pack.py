@@ -8,7 +8,7 @@ from typing import Any
 from server.base.job import JobError
 from server.base.problem import Problem
 from server.cli.data import checked, clock_of, open_remote, open_store, result_of, settings_of
-from server.cli.deployment_verb.taken import download, folder_of, free
+from server.cli.deployment_verb.taken import add_arguments, download, folder_of, free
 from server.cli.deployment_verb.word import BY, refusal
 from server.cli.failure import CommandError
 from server.delivery.files import FOLDER
@@ -21,13 +21,7 @@ ACTION = "pack"
 def add_action(actions: Any) -> ArgumentParser:  # noqa: ANN401 - argparse's own, which has no name
     """Declare the action."""
     parser = actions.add_parser(ACTION, help="pack all that is to be handed over as one ZIP")
-    parser.add_argument("deployment", help="its id, such as deployment-3")
-    parser.add_argument("folder", type=Path, help="where to; the file's name is its id")
-    parser.add_argument(
-        "--no-better-data",
-        action="store_true",
-        help="confirm, of a reviewed deployment, that nothing better exists than telemetry",
-    )
+    add_arguments(parser)
     parser.add_argument(
         "--journal",
         action="store_true",

@@ -1,11 +1,22 @@
 """Where files that leave the station are put, and how they come from one that runs."""
 
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import httpx
 
 from server.cli.failure import CommandError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare what leaves the station, and where to."""
+    parser.add_argument("deployment", help="its id, such as deployment-3")
+    parser.add_argument("folder", type=Path, help="where to; the file's name is its id")
+    parser.add_argument(
+        "--no-better-data",
+        action="store_true",
+        help="confirm, of a reviewed deployment, that nothing better exists than telemetry",
+    )
 
 
 def folder_of(arguments: Namespace) -> Path:

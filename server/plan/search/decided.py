@@ -59,11 +59,6 @@ def _uncertainty(std: float) -> object:
     return {"std": std}
 
 
-def _no_seed(problem: MapProblem) -> tuple[int, ...]:
-    del problem
-    return ()
-
-
 MAP_UNCERTAINTY = DecisionKind(
     key="uncertainty",
     title="Uncertainty of a map, by which a survey ends",
@@ -71,5 +66,4 @@ MAP_UNCERTAINTY = DecisionKind(
     problem=MapProblem,
     outcome=_uncertainty,
     map_parts=("field", "samples"),
-    seed=_no_seed,
 )
