@@ -1,7 +1,9 @@
 """A robot is lost: what the page says of it meanwhile, over a power cut of the station too."""
 
 import re
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +13,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.browser.figure import Journey
 from tests.browser.test_lost import vees
-from tests.browser.test_night import acknowledge_but
+from tests.browser.test_night import acknowledge_but, sign_in_by_cookie
 from tests.browser.walk import CHROMIUM, SHOTS, browser_page, open_page
 from tests.e2e.demo import LASTING, Demo, Json
 
@@ -23,6 +25,10 @@ pytestmark = [
 ]
 ROBOT = "grace-1"
 SPEED = 10
+NEAR = "mini-1"
+"""A robot that cannot drift out of the radio's reach while it is lost."""
+NEAR_SPEED = 3
+DEPTH_M = 0.5
 COLOURS = """gauge => {
   const style = getComputedStyle(gauge.querySelector('.value'));
   const muted = getComputedStyle(gauge.querySelector('.title')).color;
@@ -50,9 +56,7 @@ def test_a_robot_is_lost_over_a_power_cut_as_its_stations_people_see_it(
 ):
     journey = Journey("J5")
     with browser_page(browser, lake) as page:
-        for one in page.context.cookies():
-            lake.client.cookies.set(one.get("name", ""), one.get("value", ""))
-        lake.client.headers["X-CSRF-Token"] = lake.get("/api/session")["csrf_token"]
+        sign_in_by_cookie(lake, page)
         lake.patch("/api/config/planner", LASTING, robot=ROBOT)
         flown, waiting = start_a_plan(lake)
         open_page(page, lake, f"/robot/{ROBOT}")
@@ -75,8 +79,43 @@ def test_a_robot_is_lost_over_a_power_cut_as_its_stations_people_see_it(
         survives(lake, page, flown, send, order, alarm, journey)
 
 
-def state(lake: Demo) -> Json:
-    return lake.get(f"/api/robots/{ROBOT}/state")
+@pytest.fixture
+def tank(tmp_path: Path) -> Iterator[Demo]:
+    with Demo(tmp_path, "--robots", NEAR, "--speed", str(NEAR_SPEED)) as demo:
+        yield demo
+
+
+def test_a_robot_that_returns_fills_in_what_it_could_not_say(browser: Browser, tank: Demo):
+    journey = Journey("J5-return")
+    with browser_page(browser, tank) as page:
+        sign_in_by_cookie(tank, page)
+        tank.patch("/api/config/planner", LASTING, robot=NEAR)
+        start_dives(tank)
+        tank.wait("the dive", lambda: state(tank, NEAR)["link"]["state"] == "submerged", 120.0)
+        tank.client.put(f"/api/demo/faults/{NEAR}/antenna").raise_for_status()
+        lost_at = now(tank)
+        tank.wait("a prediction", lambda: prediction(tank, NEAR)["is_silent"], 120.0)
+        tank.wait("an alarm", lambda: lost_alarms(tank, NEAR, lost_at), 200.0)
+        before, *_ = numbers(tank)
+        tank.client.delete(f"/api/demo/faults/{NEAR}/antenna").raise_for_status()
+        fills_in(tank, page, before, journey)
+        written_down(tank, page, lost_at, journey)
+
+
+def start_dives(tank: Demo) -> None:
+    tank.wait("a place", lambda: state(tank, NEAR)["position"] is not None, 60.0)
+    north, east, _ = state(tank, NEAR)["position"]["ned_m"]
+    legs = [{"kind": "dive", "end_ned": [north, east, d]} for d in (DEPTH_M, 0.0) * 6]
+    config = {"total_budget": 80.0, "round_budget": 80.0, "mission": {"draft_distance_m": 1.0}}
+    body = {"kind": "primitives", "legs": legs, "config": config}
+    plan = tank.post(f"/api/robots/{NEAR}/plans", body)["id"]
+    tank.wait("a draft", lambda: tank.get(f"/api/plans/{plan}")["state"] == "draft", 120.0)
+    tank.post(f"/api/plans/{plan}/upload", {"start": True})
+    tank.wait("flight", lambda: tank.get(f"/api/plans/{plan}")["state"] == "running", 120.0)
+
+
+def state(lake: Demo, robot: str = ROBOT) -> Json:
+    return lake.get(f"/api/robots/{robot}/state")
 
 
 def now(lake: Demo) -> datetime:
@@ -140,8 +179,8 @@ def next_contact(page: Page, journey: Journey) -> None:
     journey.tell("2a", "countdown to the next contact", f"{first!r}, then {told.inner_text()!r}")
 
 
-def prediction(lake: Demo) -> Json:
-    return lake.get(f"/api/robots/{ROBOT}/prediction")
+def prediction(lake: Demo, robot: str = ROBOT) -> Json:
+    return lake.get(f"/api/robots/{robot}/prediction")
 
 
 def ellipse_m(lake: Demo) -> float:
@@ -173,23 +212,20 @@ def own_acts(page: Page, plan: str, journey: Journey) -> None:
     journey.tell("4", "what it will do by itself", f"{rows.count()} lines; the first: {first!r}")
 
 
-def lost_alarms(lake: Demo, lost_at: datetime) -> list[Json]:
+def lost_alarms(lake: Demo, robot: str, lost_at: datetime) -> list[Json]:
     """Return what was raised of the robot since, but what a machine that is too slow says of it."""
-    return [one for one in alarms_since(lake, lost_at) if "clock" not in one["text"]]
-
-
-def alarms_since(lake: Demo, lost_at: datetime) -> list[Json]:
-    return [
+    alarms = [
         one
         for which in ("open", "closed")
         for one in lake.get("/api/alarms", state=which)["alarms"]
-        if one["robot"] == ROBOT and datetime.fromisoformat(one["raised_at"]) >= lost_at
+        if one["robot"] == robot and datetime.fromisoformat(one["raised_at"]) >= lost_at
     ]
+    return [one for one in alarms if "clock" not in one["text"]]
 
 
 def overdue(lake: Demo, page: Page, lost_at: datetime, journey: Journey) -> Json:
     """3. One alarm; no other comes beside it."""
-    [alarm] = lake.wait("an alarm", lambda: lost_alarms(lake, lost_at), 200.0)
+    [alarm] = lake.wait("an alarm", lambda: lost_alarms(lake, ROBOT, lost_at), 200.0)
     assert "was to surface at" in alarm["text"]
     assert gauge(page, "Depth").evaluate(COLOURS)["turned"], "an age that is overdue turns"
     acknowledge_but(lake, "was to surface at")
@@ -224,3 +260,59 @@ def survives(
         f"{len(acts)} acts, alarm {same['state']}"
     )
     journey.tell("restart", "SIGKILL in the loss keeps queue and plan on board", figure)
+
+
+NUMBERS = """
+WITH numbered AS (
+  SELECT first, last, lag(last) OVER (PARTITION BY log_key ORDER BY first) AS before FROM sample_run
+)
+SELECT
+  (SELECT count(*) FROM sample),
+  (SELECT sum(last - first + 1) FROM sample_run),
+  (SELECT sum(first - before - 1) FROM numbered),
+  (SELECT count(*) FROM detection WHERE measured_at < (SELECT max(measured_at) FROM sample))
+"""
+"""Samples, their distinct numbers, numbers between that no sample has, and tags that were heard,
+which a robot numbers in the same log."""
+
+
+def numbers(tank: Demo) -> tuple[int, int, int, int]:
+    with closing(sqlite3.connect(f"file:{tank.data}/station.sqlite3?mode=ro", uri=True)) as db:
+        samples, distinct, missing, tags = db.execute(NUMBERS).fetchone()
+    return samples, distinct, missing or 0, tags
+
+
+def fills_in(tank: Demo, page: Page, before: int, journey: Journey) -> None:
+    """5. The robot returns: every number is there once, and the chart says where none was told."""
+    tank.wait("the robot again", lambda: state(tank, NEAR)["link"]["state"] == "live", 600.0)
+
+    def is_whole() -> bool:
+        samples, distinct, missing, tags = numbers(tank)
+        return samples > before and samples == distinct and missing == tags
+
+    tank.wait(f"a log without a hole, not {numbers(tank)}", is_whole, 180.0)
+    samples, distinct, missing, tags = numbers(tank)
+    gap = page.get_by_text(re.compile(r"gaps?(, the longest)? from [0-9:]+"))
+    open_page(page, tank, f"/robot/{NEAR}")
+    expect(gap.first).to_be_visible()
+    page.screenshot(path=SHOTS / "link-loss-back.png")
+    figure = (
+        f"{samples} samples, {before} before the return, with {distinct} numbers; the {missing} "
+        f"between are {tags} tags that were heard; the chart: {gap.first.inner_text()!r}"
+    )
+    journey.tell("5", "back-fill in order, gaps marked, no duplicate", figure)
+
+
+def written_down(tank: Demo, page: Page, lost_at: datetime, journey: Journey) -> None:
+    """6. The log says how long it was lost, and why as far as is known."""
+
+    def told() -> str | None:
+        events = tank.get("/api/events", robot=NEAR, kind="robot.contact")["events"]
+        texts = [one["text"] for one in events if datetime.fromisoformat(one["at"]) > lost_at]
+        return next((text for text in texts if "heard again after" in text), None)
+
+    text = tank.wait("the contact in the log", told, 60.0)
+    assert re.search("; (it was under water|why it was not is not known)", text), text
+    open_page(page, tank, f"/log?robot={NEAR}")
+    expect(page.get_by_text(text).first).to_be_visible()
+    journey.tell("6", "loss, duration and cause in the log", repr(text))
