@@ -135,14 +135,22 @@ def gate(wishes: Wishes, level: str, now: datetime) -> Gate:
 def _end_of(quiet: Hours, now: datetime, zone: ZoneInfo) -> datetime | None:
     """Return when quiet hours end that hold now; None where one night follows another for ever."""
     today = now.astimezone(zone).date()
-    ends = sorted(
-        datetime.combine(today + timedelta(days=day), _clock(quiet.end), zone)
-        .replace(fold=fold)
-        .astimezone(UTC)
-        for day in range(9)
-        for fold in (0, 1)
-    )
+    wall = (datetime.combine(today + timedelta(days=day), _clock(quiet.end)) for day in range(9))
+    ends = sorted(end for one in wall for end in _passed(one, zone))
     return next((end for end in ends if end > now and not quiet.hold(end.astimezone(zone))), None)
+
+
+def _passed(wall: datetime, zone: ZoneInfo) -> tuple[datetime, ...]:
+    """Return when a clock on the wall passes a time, by UTC.
+
+    That is twice where clocks go back, and the moment of the jump where they jump over it.
+    """
+    first, last = sorted(wall.replace(tzinfo=zone, fold=fold).astimezone(UTC) for fold in (0, 1))
+    if last.astimezone(zone).replace(tzinfo=None) == wall:
+        return (first, last)
+    while first.astimezone(zone).replace(tzinfo=None) < wall:
+        first += timedelta(minutes=1)
+    return (first,)
 
 
 def _clock(text: str) -> time:

@@ -1,4 +1,5 @@
-"""What holds on every page: nothing cut, what scrolls is announced, and axe-core finds no fault."""
+"""What holds on every page: nothing cut, what scrolls is announced, all of it is reached by
+keyboard, and axe-core finds no fault."""
 
 import re
 
@@ -81,6 +82,68 @@ LOOK = """() => {
   if (document.documentElement.scrollWidth > innerWidth) faults.push('wider than the window');
   return faults;
 }"""
+
+MARK = """() => {
+  const acts = 'a[href], button, input:not([type=hidden]), select, textarea, summary, '
+    + '[role=button], [role=tab], [role=slider], [role=menuitem], [role=treeitem]';
+  const isSeen = each => {
+    const box = each.getBoundingClientRect();
+    return box.width > 0 && box.height > 0 && !each.matches(':disabled') && !each.closest('[inert]')
+      && getComputedStyle(each).visibility !== 'hidden';
+  };
+  const oneStop = '[role=tablist], [role=toolbar], [role=radiogroup], [role=menu], [role=tree]';
+  const isWithin = each => each.tabIndex < 0
+    && each.closest(oneStop)?.querySelector('[tabindex="0"], :checked');
+  const isOtherRadio = each => each.type === 'radio' && !each.checked
+    && document.querySelector(`input[name="${CSS.escape(each.name)}"]`) !== null;
+  const found = [...document.querySelectorAll(acts)]
+    .filter(each => isSeen(each) && !isWithin(each) && !isOtherRadio(each));
+  found.forEach((each, number) => { each.dataset.act = String(number); });
+  const byPointer = [...document.querySelectorAll('body *')].filter(each => isSeen(each)
+    && getComputedStyle(each).cursor === 'pointer'
+    && !each.closest(`${acts}, label, [tabindex], .leaflet-container`));
+  const told = each => `${each.tagName} ${each.className} "${(each.innerText ?? '').slice(0, 40)}"`;
+  return [found.map(told), byPointer.map(told)];
+}"""
+"""Marks what acts; tells that, and what a pointer alone seems to reach. A group of radios or tabs
+is one stop of the keyboard, its arrows do the rest."""
+
+FOCUSED = """() => {
+  const each = document.activeElement, style = getComputedStyle(each);
+  const shows = each.tagName === 'IFRAME' || each === document.body
+    || (style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) > 0)
+    || style.boxShadow !== 'none';
+  return [each.tagName, each.dataset.act ?? null, shows ? null : each.outerHTML.slice(0, 80)];
+}"""
+STOPS_MAX = 600
+
+
+@pytest.mark.parametrize("size", [SIZES[0], SIZES[2]], ids=["wide", "phone"])
+def test_every_action_is_reached_by_keyboard_and_shows_it(screen, calm, size):
+    screen.set_viewport_size({"width": size[0], "height": size[1]})
+    found = {}
+    for path in PAGES:
+        show(screen, calm, path)
+        if faults := faults_of_keyboard(screen):
+            found[path] = faults
+    assert found == {}
+
+
+def faults_of_keyboard(page):
+    """Go through a page by Tab; return what it does not reach, or reaches without showing it."""
+    acts, by_pointer = page.evaluate(MARK)
+    reached, faults = set(), [f"by pointer alone: {one}" for one in by_pointer]
+    for _ in range(STOPS_MAX):
+        page.keyboard.press("Tab")
+        tag, act, hidden = page.evaluate(FOCUSED)
+        if tag == "BODY" or act in reached:
+            break
+        if act is not None:
+            reached.add(act)
+        if hidden is not None:
+            faults.append(f"no sign of the focus: {hidden}")
+    missed = [one for number, one in enumerate(acts) if str(number) not in reached]
+    return faults + [f"not reached: {one}" for one in missed]
 
 
 @pytest.mark.parametrize("size", SIZES, ids=["wide", "tablet", "phone"])

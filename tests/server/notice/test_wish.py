@@ -40,6 +40,12 @@ def test_the_night_in_which_clocks_go_back_is_an_hour_longer():
     assert until.astimezone(UTC) - at.astimezone(UTC) == timedelta(hours=10)
 
 
+def test_quiet_hours_that_end_where_clocks_jump_ahead_end_at_the_jump():
+    wishes = Wishes(quiet=Hours(begin="00:00", end="02:01"), time_zone="Europe/Berlin")
+    until = gate(wishes, "warning", datetime(2026, 3, 29, 0, 30, tzinfo=UTC)).until
+    assert until == datetime(2026, 3, 29, 1, 0, tzinfo=UTC)
+
+
 def test_nothing_breaks_through_where_the_person_wants_that():
     wishes = Wishes(quiet=NIGHT, quiet_breaks="none")
     assert not gate(wishes, "critical", datetime(2026, 7, 1, 23, tzinfo=UTC)).is_open
