@@ -1,35 +1,24 @@
 """The robot's memory of samples and heard tags in a file: what was not ashore outlives the program.
 
-A line is written whenever a sample is kept, and whenever samples are known to be stored ashore;
-each begins with its own checksum::
-
-    1f0a3b52 {"log": 1, "sequence": 0, "variable": "chlorophyll", "value": 2.5, ...}
-    9b20cc41 {"log": 1, "sequence": 1, "receiver": 450052, "tag": "A69-1601-179", ...}
-    77a1c09e {"log": 1, "stored": [0]}
-
-So a program that is killed loses nothing. A power cut may take the last seconds, which the
-operating system still held, and half a line; a line that is not whole is passed over. What is kept
-is bounded by nothing but the time without a station: some 200 bytes a sample.
+A line (``robot_link.sample_line``) is written whenever a sample is kept, and whenever samples are
+known to be stored ashore. So a program that is killed loses nothing. A power cut may take the last
+seconds, which the operating system still held, and half a line; a line that is not whole is passed
+over. What is kept is bounded by nothing but the time without a station: some 200 bytes a sample.
 """
 
-import json
 import logging
-import zlib
-from collections.abc import Iterable, Mapping
-from datetime import datetime
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-from robot_link.mavlink.detection import entry_message
 from robot_link.messages import LogId
-from robot_link.sample_log import HeardTag, LogEntry, Measurement, MemorySampleLog, SampleKey
+from robot_link.sample_line import entry_line, read_line, stored_line
+from robot_link.sample_log import LogEntry, MemorySampleLog, SampleKey
 from robot_link.whole_file import replace_file
 
 _SPARE_LINES = 1024
 """The file is written anew when it has twice as many lines as samples, and so many more."""
 _RETRY_LINES = 64
 """After so many lines that a disk did not take, it is asked to take all of them."""
-_CHECKSUM_DIGITS = 8
 
 _log = logging.getLogger(__name__)
 
@@ -63,7 +52,7 @@ class FileSampleLog:
     def append(self, entry: LogEntry) -> SampleKey:
         """Keep an entry and return its name."""
         key = self._memory.append(entry)
-        self._write(_entry_line(key, entry))
+        self._write(entry_line(key, entry))
         return key
 
     def get(self, key: SampleKey) -> LogEntry | None:
@@ -75,7 +64,7 @@ class FileSampleLog:
         known = [key for key in keys if self._memory.get(key) is not None]
         self._memory.forget(known)
         for log in dict.fromkeys(key.log for key in known):
-            self._write(_line({"log": log, "stored": [key[1] for key in known if key.log == log]}))
+            self._write(stored_line(log, [key.sequence for key in known if key.log == log]))
         if self._lines > 2 * len(self._memory) + _SPARE_LINES:
             self._rewrite()
 
@@ -88,7 +77,7 @@ class FileSampleLog:
         if not self._is_readable:
             return
         lines = [
-            _entry_line(key, entry)
+            entry_line(key, entry)
             for key in self._memory.kept()
             if (entry := self._memory.get(key)) is not None
         ]
@@ -132,90 +121,15 @@ def _read(path: Path) -> dict[SampleKey, LogEntry] | None:
     bad = 0
     for line in lines:
         try:
-            _take(_content(line), kept)
-        except (ValueError, KeyError, TypeError):
+            found = read_line(line)
+        except ValueError:
             bad += 1
+            continue
+        if isinstance(found, list):
+            for key in found:
+                kept.pop(key, None)
+        else:
+            kept[found[0]] = found[1]
     if bad:
         _log.warning("%d of %d lines of %s are none", bad, len(lines), path)
     return kept
-
-
-def _take(content: Mapping[str, Any], kept: dict[SampleKey, LogEntry]) -> None:
-    """Do what a line says.
-
-    Raises:
-        ValueError: If a value is none.
-        KeyError: If one lacks, or the variable is unknown.
-        TypeError: If one is of another type.
-    """
-    log = LogId(int(content["log"]))
-    if "stored" in content:
-        for sequence in content["stored"]:
-            kept.pop(SampleKey(log, int(sequence)), None)
-        return
-    key = SampleKey(log, int(content["sequence"]))
-    entry = _entry(content)
-    entry_message(key.log, key.sequence, entry)
-    kept[key] = entry
-
-
-def _entry(content: Mapping[str, Any]) -> LogEntry:
-    north_m, east_m, depth_m = content["position_ned"]
-    position_ned = float(north_m), float(east_m), float(depth_m)
-    position_std_m = float(content["position_std_m"])
-    measured_at = datetime.fromisoformat(content["measured_at"])
-    if "tag" in content:
-        sensor = content["sensor"]
-        return HeardTag(
-            receiver=int(content["receiver"]),
-            tag=str(content["tag"]),
-            sensor=None if sensor is None else int(sensor),
-            position_ned=position_ned,
-            position_std_m=position_std_m,
-            measured_at=measured_at,
-        )
-    return Measurement(
-        variable=str(content["variable"]),
-        value=float(content["value"]),
-        position_ned=position_ned,
-        position_std_m=position_std_m,
-        measured_at=measured_at,
-    )
-
-
-def _entry_line(key: SampleKey, entry: LogEntry) -> bytes:
-    what = (
-        {"receiver": entry.receiver, "tag": entry.tag, "sensor": entry.sensor}
-        if isinstance(entry, HeardTag)
-        else {"variable": entry.variable, "value": float(entry.value)}
-    )
-    return _line(
-        {
-            "log": key.log,
-            "sequence": key.sequence,
-            **what,
-            "position_ned": [float(one) for one in entry.position_ned],
-            "position_std_m": float(entry.position_std_m),
-            "measured_at": entry.measured_at.isoformat(),
-        }
-    )
-
-
-def _line(content: Mapping[str, Any]) -> bytes:
-    text = json.dumps(content).encode()
-    return b"%08x %s\n" % (zlib.crc32(text), text)
-
-
-def _content(line: bytes) -> Mapping[str, Any]:
-    """Return what a line says.
-
-    Raises:
-        ValueError: If it is not whole.
-    """
-    checksum, text = line[:_CHECKSUM_DIGITS], line[_CHECKSUM_DIGITS + 1 :]
-    if int(checksum, 16) != zlib.crc32(text):
-        raise ValueError("a line is not whole")
-    content = json.loads(text)
-    if not isinstance(content, dict):
-        raise TypeError("a line holds no values")
-    return content
