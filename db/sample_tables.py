@@ -7,7 +7,7 @@ once is known from the runs of numbers that are kept of each log (``SampleRun``)
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, ForeignKey, Integer, UniqueConstraint
+from sqlalchemy import BigInteger, ForeignKey, Index, Integer, UniqueConstraint, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from db.tables import APPENDED_ONLY, CLUSTERED, Base, Key
@@ -73,7 +73,7 @@ class SampleRow(Base):
 class RecoveredSample(Base):
     """Another word on a measurement: the card's of a robot, or that of a second file.
 
-    ``sample`` keeps what came first.
+    ``sample`` keeps what came first; in a reviewed file the card's word counts before it.
     """
 
     __tablename__ = "recovered_sample"
@@ -88,6 +88,28 @@ class RecoveredSample(Base):
     depth_mm: Mapped[int] = mapped_column(Integer)
     position_std_um: Mapped[int] = mapped_column(BigInteger)
     received_at: Mapped[datetime]
+    is_card: Mapped[bool] = mapped_column(server_default=false())
+    """Whether the robot's own card says so."""
+
+
+class OtherSeries(Base):
+    """A column of an imported file that is no channel: its name, its unit and its numbers."""
+
+    __tablename__ = "other_series"
+    __table_args__ = (Index(None, "deployment_key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    deployment_key: Mapped[int] = mapped_column(ForeignKey("deployment.key"))
+    name: Mapped[str]
+    unit: Mapped[str]
+    """As the operator said, "" for none."""
+    count: Mapped[int] = mapped_column(BigInteger)
+    first_at: Mapped[datetime]
+    last_at: Mapped[datetime]
+    least: Mapped[float]
+    greatest: Mapped[float]
+    data: Mapped[bytes] = mapped_column(deferred=True)
+    """An npz of ``at_us`` and ``value``, ascending in time."""
 
 
 class ReadingRow(Base):

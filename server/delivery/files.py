@@ -41,11 +41,13 @@ SIGNED: Final = ("reviewed", "delivered")
 def mode_of(record: DeploymentRecord) -> str:
     """Return the mode of a file of a deployment as it stands now.
 
-    D once it is reviewed. Before, R for what came by telemetry, P for an imported recording.
+    D once it is reviewed. Before, R for what came by telemetry, P for an imported recording and
+    for what the robot's own card was recovered of.
     """
     if record.state in SIGNED:
         return "D"
-    return "P" if record.kind == "recorded" else "R"
+    has_card = any(one.get("is_card") for one in record.document.get("imports", ()))
+    return "P" if record.kind == "recorded" or has_card else "R"
 
 
 def metadata_of(session: Session, robot: str) -> DeliveryMetadata:

@@ -26,6 +26,7 @@ from robot_link.clock import Clock
 from server.base.job import JobError, JobProgress, ThreadWork
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.deployment.view import RecordedScores
+from server.recording.card import CardOrder, CardRefusedError, KeptCard, keep_card
 from server.recording.foreign_task import CONVERT, PROPOSE, ReadOrder
 from server.recording.intake import (
     SHOWN_FAULTS,
@@ -38,6 +39,7 @@ from server.recording.intake import (
 from server.recording.keep import Kept, Source, hashed, keep_recording, source_of
 from server.recording.table import Policy, Recording, RowFault
 from server.recording.upload import forget_upload
+from server.recording_file.card import Card
 from server.recording_file.conversion import Converted
 from server.recording_file.mapping import Mapping
 from server.recording_file.raw import FileFault, FlagArray
@@ -76,14 +78,6 @@ class ProposedColumn(TypedDict):
     """Of the first rows."""
 
 
-class OpenQuestion(TypedDict):
-    """What the file leaves open and a person has to say."""
-
-    field: str
-    """Of the mapping."""
-    text: str
-
-
 class RecordingProposal(TypedDict):
     """What was read of an upload; nothing of it is kept yet."""
 
@@ -96,9 +90,9 @@ class RecordingProposal(TypedDict):
     """Rows that cannot be read at all."""
     mapping: dict[str, JsonValue]
     columns: list[ProposedColumn]
-    questions: list[OpenQuestion]
     missing: list[FaultDocument]
-    """What keeps the mapping from being followed as it is."""
+    """What keeps the mapping from being followed as it is; of what the file leaves open and a
+    person has to say, the place is the field of the mapping."""
     notes: list[str]
     flight: list[str]
     """Keys that a column of the role ``flight`` may have."""
@@ -111,6 +105,7 @@ class ImportReport(TypedDict):
     """What came of an import; the four kinds of rows sum up to those that were read."""
 
     deployment: str
+    """A card may tell of several, or of none."""
     robot: str
     read: int
     new: int
@@ -144,6 +139,8 @@ class Confirmed:
     into: str
     template: str
     by: str
+    clock_offset_s: float | None = None
+    """How far the recorder's clock was ahead, as a person said; None where nobody did."""
 
 
 async def read_upload(
@@ -185,7 +182,10 @@ async def run_confirmed(
     if isinstance(converted, list):
         faults = [FileFault(place, reason) for place, reason in converted]
         words = "; ".join(f"{one.place}: {one.reason}" for one in faults[:3])
-        raise JobError(f"The mapping cannot be followed: {words}.", _refusal(faults))
+        raise JobError(f"The mapping cannot be followed: {words}.", refusal(faults))
+    if isinstance(converted, Card):
+        return await _run_card(wanted, converted, store, clock, progress)
+    converted = dated(converted, wanted)
     refuse(converted, wanted.policy)
     thread = ThreadWork(progress)
     progress.report(_CONVERTED_SHARE, f"Keeping {len(converted.time_s):,} rows")
@@ -203,6 +203,67 @@ async def run_confirmed(
     return report_of(kept, converted, outcomes)
 
 
+async def _run_card(
+    wanted: Confirmed, card: Card, store: Store, clock: Clock, progress: JobProgress
+) -> ImportReport:
+    thread = ThreadWork(progress)
+    progress.report(_CONVERTED_SHARE, f"Holding {card.read:,} lines against telemetry")
+    order = card_order(wanted, card, clock.now(), clock.speed)
+    try:
+        kept = await thread.result(store.write(lambda s: keep_card(s, order, thread.go_on)))
+    except CardRefusedError as error:
+        raise JobError(str(error), refusal(error.faults)) from error
+    except StoreError as error:
+        raise JobError(str(error)) from error
+    await asyncio.to_thread(forget_upload, wanted.order.folder)
+    return card_report(kept, card)
+
+
+def card_order(wanted: Confirmed, card: Card, at: datetime, speed: float) -> CardOrder:
+    """Return what is to become of a card that was confirmed."""
+    return CardOrder(
+        wanted.robot,
+        card,
+        wanted.files,
+        wanted.by,
+        at,
+        wanted.policy is Policy.SKIP,
+        wanted.clock_offset_s,
+        speed,
+    )
+
+
+def card_report(kept: KeptCard, card: Card) -> ImportReport:
+    """Return what came of a card; maps are made of all that a robot measured, not of it alone."""
+    return {
+        "deployment": ", ".join(kept.deployments),
+        "robot": kept.robot,
+        "read": card.read,
+        "new": kept.new,
+        "duplicate": kept.duplicate,
+        "differs": kept.differs,
+        "faults": len(kept.faults),
+        "named_faults": _documents(kept.faults),
+        "notes": list(kept.notes),
+        "scores": [],
+        "without_map": [],
+    }
+
+
+def dated(converted: Converted, wanted: Confirmed) -> Converted:
+    """Return rows dated by the right clock, if a person said how far the recorder's was ahead."""
+    if not wanted.clock_offset_s:
+        return converted
+    return replace(
+        converted,
+        time_s=np.round(converted.time_s - wanted.clock_offset_s, 6),
+        notes=(
+            *converted.notes,
+            f"Every time was moved by {-wanted.clock_offset_s:+.3f} s, as {wanted.by} said.",
+        ),
+    )
+
+
 def refuse(converted: Converted, policy: Policy) -> None:
     """Refuse rows that are wrong if the policy says so, or if none is right.
 
@@ -211,13 +272,13 @@ def refuse(converted: Converted, policy: Policy) -> None:
     """
     faults = converted.faults
     if not len(converted.time_s):
-        raise JobError("No row of the files can be used.", _refusal(faults))
+        raise JobError("No row of the files can be used.", refusal(faults))
     if faults and policy is Policy.REFUSE:
         first = faults[0]
         raise JobError(
             f"{len(faults):,} of {converted.read:,} rows cannot be used, the first is "
             f"{first.place}: {first.reason}. Nothing was imported.",
-            _refusal(faults),
+            refusal(faults),
         )
 
 
@@ -270,7 +331,11 @@ def keep_confirmed(
     names = [one.name for one in wanted.files]
     title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     source: Source = source_of(
-        title, wanted.files, is_simulated=converted.is_simulated, into=wanted.into
+        title,
+        wanted.files,
+        is_simulated=converted.is_simulated,
+        into=wanted.into,
+        clock_offset_s=wanted.clock_offset_s,
     )
     recording = recording_of(converted)
     kept = keep_recording(
@@ -372,7 +437,8 @@ def with_mapping(order: ReadOrder, mapping: Mapping) -> ReadOrder:
     return replace(order, mapping=mapping)
 
 
-def _refusal(faults: Sequence[FileFault]) -> ImportFaults:
+def refusal(faults: Sequence[FileFault]) -> ImportFaults:
+    """Return why an upload was refused."""
     return {"named_faults": _documents(faults), "faults": len(faults)}
 
 

@@ -38,6 +38,8 @@ from server.recording_file.mapping import Mapping
 
 router = APIRouter(prefix="/api/imports", tags=["data"])
 _NAME_MAX = 60
+_OFFSET_MAX_S = 4e9
+"""A clock that was never set begins in 1970."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,10 @@ class Confirmation(Body):
     """Id of the deployment that the rows belong to, "" to go by their time."""
     template: str = Field(default="", max_length=_NAME_MAX)
     """Name under which the mapping is kept, "" to forget it."""
+    clock_offset_s: float | None = Field(default=None, ge=-_OFFSET_MAX_S, le=_OFFSET_MAX_S)
+    """How far the recorder's clock was ahead of the right time, s: every time becomes so much
+    earlier. Without it times stay as they are; a card whose clock is over a second off from
+    telemetry is refused until somebody says it, or 0."""
 
 
 @router.post("/uploads", status_code=202)
@@ -99,9 +105,9 @@ async def start_upload(
 ) -> UploadView:
     """Read files of any maker and propose what their columns become; nothing is kept yet.
 
-    Taken are tables with any columns, dives of a Seaglider, files of OG1.0, and flight and science
-    files of a Slocum with their cache files; several at once, or in a ZIP archive. What each is, is
-    found by its content.
+    Taken are tables with any columns, dives of a Seaglider, files of OG1.0, flight and science
+    files of a Slocum with their cache files, and the card of a robot of ours, which needs no
+    mapping; several at once, or in a ZIP archive. What each is, is found by its content.
     """
     folder = folder_of(foundation.settings.data_dir)
     named = [(shown(one.filename or "") or "file", one.file) for one in files]
@@ -131,7 +137,8 @@ async def confirm_upload(
 
     Rows that are kept already are not kept again: the report says how many of those that were read
     are new, duplicate, different or faulty. 404 for an upload that is not there any more, 409 for
-    files that the robot has already; the sentence names the deployment.
+    files that the robot has already; the sentence names the deployment. Measurements of a card are
+    held against telemetry by the numbers that the robot gave them.
     """
     await pilot_of((body.robot,))
     order = await _order(foundation, upload, body.mapping)
@@ -140,7 +147,16 @@ async def confirm_upload(
         await foundation.store.query(lambda session: refuse_same(session, body.robot, files))
     except DeploymentExistsError as error:
         raise conflict(str(error)) from error
-    wanted = Confirmed(order, files, body.robot, body.policy, body.into, body.template, caller.name)
+    wanted = Confirmed(
+        order,
+        files,
+        body.robot,
+        body.policy,
+        body.into,
+        body.template,
+        caller.name,
+        body.clock_offset_s,
+    )
 
     async def work(progress: JobProgress) -> ImportReport:
         return await run_confirmed(

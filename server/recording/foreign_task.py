@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from autonomy.channel import ChannelCatalogue
+from server.recording_file.card import Card
 from server.recording_file.conversion import Converted, convert
 from server.recording_file.mapping import (
     FLIGHT,
@@ -16,7 +17,6 @@ from server.recording_file.mapping import (
     MappingError,
     faults_of,
     proposed,
-    questions,
     says_zone,
     time_format_of,
 )
@@ -25,6 +25,8 @@ from server.recording_file.reading import read_files
 
 PROPOSE = f"{__name__}:propose"
 CONVERT = f"{__name__}:convert_upload"
+CARD = "card"
+"""The format of a card, which needs no mapping."""
 _UNPACKED = "unpacked"
 _READ_SHARE = 0.8
 
@@ -56,6 +58,8 @@ def propose(
         raw = _read(order, report, is_cancelled)
     except UnreadableError as error:
         return {"refused": str(error)}
+    if isinstance(raw, Card):
+        return _proposed_card(raw)
     mapping, template = _proposed(raw, order)
     roles = {one.name: one for one in mapping.columns}
     wrong = faults_of(raw, mapping, order.channels).faults
@@ -78,7 +82,6 @@ def propose(
             }
             for column in raw.columns.values()
         ],
-        "questions": [one.model_dump() for one in questions(raw, mapping)],
         "missing": [{"place": place, "reason": reason} for place, reason in wrong],
         "notes": list(raw.notes),
         "flight": list(FLIGHT),
@@ -89,10 +92,15 @@ def propose(
 
 def convert_upload(
     order: ReadOrder, report: Callable[[object], None], is_cancelled: Callable[[], bool]
-) -> Converted | list[tuple[str, str]] | str:
-    """Read files again and follow a mapping; return why not, or what is wrong with the mapping."""
+) -> Converted | Card | list[tuple[str, str]] | str:
+    """Read files again and follow a mapping; return why not, or what is wrong with the mapping.
+
+    A card needs no mapping.
+    """
     try:
         raw = _read(order, report, is_cancelled)
+        if isinstance(raw, Card):
+            return raw
         return convert(raw, order.mapping or proposed(raw, order.channels), order.channels)
     except MappingError as error:
         return error.faults
@@ -102,7 +110,7 @@ def convert_upload(
 
 def _read(
     order: ReadOrder, report: Callable[[object], None], is_cancelled: Callable[[], bool]
-) -> RawRecording:
+) -> RawRecording | Card:
     unpacked = order.folder / _UNPACKED
     shutil.rmtree(unpacked, ignore_errors=True)
 
@@ -119,6 +127,27 @@ def _read(
         raise UnreadableError(f"The files cannot be read: {error.strerror}.") from error
     finally:
         shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def _proposed_card(card: Card) -> dict[str, Any]:
+    logs = len({one.key.log for one in card.entries})
+    times = [one.entry.measured_at for one in card.entries]
+    return {
+        "format": CARD,
+        "files": list(card.files),
+        "rows": card.read,
+        "faults": len(card.faults),
+        "mapping": Mapping(columns=()).model_dump(mode="json"),
+        "columns": [],
+        "missing": [],
+        "notes": [
+            f"The card of a robot of ours: {len(card.entries):,} measurements of {logs:,} logs, "
+            f"{min(times):%Y-%m-%d %H:%M} to {max(times):%Y-%m-%d %H:%M}Z by its clock."
+        ],
+        "flight": [],
+        "template": "",
+        "is_simulated": False,
+    }
 
 
 def _proposed(raw: RawRecording, order: ReadOrder) -> tuple[Mapping, str]:

@@ -65,6 +65,8 @@ class Source:
     is_simulated: bool = False
     into: str = ""
     """Id of the deployment that the rows belong to, "" to go by their time."""
+    clock_offset_s: float | None = None
+    """How far the recorder's clock was ahead, as a person said; the rows' times are right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +181,7 @@ def _joined(
         "by": by,
         **merged.counts,
         "faults": len(recording.skipped),
+        "clock_offset_s": source.clock_offset_s,
     }
     if target is not None:
         if merged.changes:

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from server.recording_file import netcdf, og1_reader, seaglider
+from server.recording_file.card import Card, is_card, read_card
 from server.recording_file.csv_file import read_csv
 from server.recording_file.raw import (
     ROWS_MAX,
@@ -29,7 +30,7 @@ ZIP_EXPANSION_MAX: Final = 50
 _ZIP_FREE_BYTES: Final = 1 << 20
 """So much may come of any archive: a small text packs better than the limit."""
 _BLOCK_BYTES: Final = 1 << 20
-Kind = Literal["netcdf", "slocum", "cache", "zip", "text"]
+Kind = Literal["netcdf", "slocum", "cache", "zip", "card", "text"]
 NamedFile = tuple[str, Path]
 """A file as the operator knows it, and where it lies."""
 
@@ -48,15 +49,15 @@ def kind_of(name: str, path: Path) -> Kind:
         return "cache"
     if not head and Path(name).suffix.lower().endswith(("bd", "cd")) and side_of(name):
         return "slocum"
-    return "text"
+    return "card" if is_card(path) else "text"
 
 
-def read_files(files: Sequence[NamedFile], folder: Path, tell: Tell) -> RawRecording:
-    """Read the files of one upload as one recording.
+def read_files(files: Sequence[NamedFile], folder: Path, tell: Tell) -> RawRecording | Card:
+    """Read the files of one upload as one recording, or as the card of a robot of ours.
 
     Args:
-        files: What was sent: one table, dives of a Seaglider, files of OG1, or a Slocum's files
-            with their caches; each may lie in an archive.
+        files: What was sent: one table, dives of a Seaglider, files of OG1, a Slocum's files with
+            their caches, or a robot's memory of samples; each may lie in an archive.
         folder: An empty folder for what archives hold.
         tell: Told how much is read.
 
@@ -80,6 +81,8 @@ def read_files(files: Sequence[NamedFile], folder: Path, tell: Tell) -> RawRecor
         return read_pair(sorted(group), caches, tell)
     if kind == "netcdf":
         return _read_netcdf(sorted(group), tell)
+    if kind == "card":
+        return read_card(sorted(group), tell)
     if len(group) > 1:
         raise UnreadableError(f"{len(group)} tables are {len(group)} imports; send one at a time.")
     name, path = group[0]

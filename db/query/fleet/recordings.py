@@ -81,6 +81,24 @@ def overlapping_deployment(
     return None if found is None else get_deployment(session, public_id("deployment", found))
 
 
+def live_deployments_between(
+    session: Session, robot: str, first: datetime, last: datetime
+) -> list[DeploymentRecord]:
+    """Return the deployments of a robot itself that have a part of a stretch of time, by time."""
+    found = session.scalars(
+        select(Deployment.key)
+        .where(
+            Deployment.robot_key == robot_key(session, robot),
+            Deployment.kind == "live",
+            Deployment.void_reason == "",
+            Deployment.started_at <= last,
+            or_(Deployment.ended_at.is_(None), Deployment.ended_at > first),
+        )
+        .order_by(Deployment.started_at)
+    )
+    return [get_deployment(session, public_id("deployment", one)) for one in found]
+
+
 def add_recorded_deployment(
     session: Session,
     robot: str,

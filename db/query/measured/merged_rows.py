@@ -17,6 +17,7 @@ from db.map_tables import SmoothedSample
 from db.query.fleet.deployments import DeploymentRecord
 from db.query.fleet.robots import robot_key
 from db.query.measured.samples import channel_key, is_smoothed
+from db.sample_tables import RecoveredSample as Card
 from db.sample_tables import SampleLog, SampleRow
 from db.tables import STATE_CHANNELS, StateRow
 
@@ -97,7 +98,8 @@ def iterate_rows(
         session: A reading session, which sees one moment of the database throughout.
         deployment: One that has begun.
         channels: Keys of the sampled channels that rows carry.
-        smoothed: Whether samples are where they were after all, not where the robot believed.
+        smoothed: Whether samples are where they were after all, not where the robot believed, and
+            say what the robot's card says of them, where one was recovered.
 
     Raises:
         NotBegunError: If it has not begun.
@@ -188,17 +190,25 @@ def _sample_rows(
     at, better = SampleRow.measured_at, SmoothedSample
     own = (SampleRow.north_mm, SampleRow.east_mm, SampleRow.depth_mm, SampleRow.position_std_um)
     found = (better.north_mm, better.east_mm, better.depth_mm, better.position_std_um)
-    place = [func.coalesce(*pair) for pair in zip(found, own, strict=True)] if smoothed else own
+    card = (Card.north_mm, Card.east_mm, Card.depth_mm, Card.position_std_um)
+    ways = zip(found, card, own, strict=True)
+    place = [func.coalesce(*way) for way in ways] if smoothed else own
+    value = func.coalesce(Card.value, SampleRow.value) if smoothed else SampleRow.value
     is_better = better.north_mm.is_not(None) if smoothed else null()
     statement = select(
-        type_coerce(at, BigInteger), SampleRow.value, *place, type_coerce(is_better, Integer)
+        type_coerce(at, BigInteger), value, *place, type_coerce(is_better, Integer)
     ).where(
         SampleRow.robot_key == robot_key(session, deployment.robot),
         SampleRow.channel_key == channel_key(channel),
         at >= deployment.begun_at,
     )
     if smoothed:
-        statement = statement.outerjoin(better, is_smoothed())
+        statement = statement.outerjoin(better, is_smoothed()).outerjoin(
+            Card,
+            (Card.log_key == SampleRow.log_key)
+            & (Card.sequence == SampleRow.sequence)
+            & Card.is_card,
+        )
     if deployment.log is not None:
         statement = statement.join(SampleLog, SampleLog.key == SampleRow.log_key).where(
             SampleLog.log == deployment.log

@@ -36,7 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         f"{', '.join(FLIGHT_COLUMNS)} it can be identified (an empty cell of these says that the "
         "row does not tell; a position_std_m makes its position a fix). With --propose or "
         "--mapping also tables with any columns, Seaglider and OG1 NetCDF, Slocum files with "
-        "their cache files, and ZIP archives of them",
+        "their cache files, the card of a robot of ours, and ZIP archives of them",
     )
     parser.add_argument(
         "--propose",
@@ -55,6 +55,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         choices=list(Policy),
         default=Policy.REFUSE,
         help="with broken rows: skip them, or refuse the file (default)",
+    )
+    parser.add_argument(
+        "--clock-offset",
+        type=float,
+        metavar="SECONDS",
+        help="with --mapping: how far the recorder's clock was ahead; every time becomes so much "
+        "earlier",
     )
     add_data_option(parser)
     add_remote_options(parser)

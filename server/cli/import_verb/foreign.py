@@ -8,6 +8,7 @@ from argparse import Namespace
 from collections.abc import Generator
 from collections.abc import Mapping as AnyMapping
 from contextlib import ExitStack, contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,18 @@ import httpx
 from pydantic import ValidationError
 
 from autonomy.channel import ChannelCatalogue
+from db.fault import StoreError
+from db.store import Store
 from server.base.channels import catalogue_in
 from server.base.job import JobError
 from server.cli.data import POLL_PERIOD_S, checked, clock_of, open_remote, open_store, settings_of
 from server.cli.data_folder import DataFolderError, DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
 from server.recording import foreign, intake
+from server.recording.card import CardOrder, CardRefusedError, keep_card
 from server.recording.foreign_task import ReadOrder, convert_upload, propose
 from server.recording.map_fit import run as fit_maps
+from server.recording_file.card import Card
 from server.recording_file.conversion import Converted
 from server.recording_file.mapping import Mapping
 
@@ -82,33 +87,54 @@ def _by_folder(arguments: Namespace) -> None:
                 _print_proposal(proposal)
                 return
             order = foreign.with_mapping(order, _mapping(arguments, proposal))
-            converted = convert_upload(order, _ignore, lambda: False)
-            if not isinstance(converted, Converted):
-                raise CommandError(_words(converted))
-            foreign.refuse(converted, arguments.policy)
-            files = foreign.hashes(order)
             wanted = foreign.Confirmed(
-                order, files, arguments.robot, arguments.policy, "", "", "command line"
+                order,
+                foreign.hashes(order),
+                arguments.robot,
+                arguments.policy,
+                "",
+                "",
+                "command line",
+                arguments.clock_offset,
             )
-            at = clock_of(settings).now()
-            kept = store.change(
-                lambda session: foreign.keep_confirmed(session, wanted, converted, at=at)
-            ).result()
-            with store.read() as session:
-                problem = intake.fit_problem(
-                    session, arguments.robot, foreign.recording_of(converted)
-                )
-            outcomes = fit_maps(problem, _ignore, lambda: False)
-            store.change(
-                lambda session: intake.keep_maps(
-                    session, arguments.robot, kept.deployment.id, outcomes, at
-                )
-            ).result()
-            _print_report(foreign.report_of(kept, converted, outcomes))
+            clock = clock_of(settings)
+            _keep(store, wanted, clock.now(), clock.speed)
     except DataFolderTakenError as error:
         raise CommandError(f"{error} Import through it: give --url and GRACE_TOKEN.") from error
+    except StoreError as error:
+        raise CommandError(str(error)) from error
     except DataFolderError as error:
         raise CommandError(str(error)) from error
+
+
+def _keep(store: Store, wanted: foreign.Confirmed, at: datetime, speed: float) -> None:
+    converted = convert_upload(wanted.order, _ignore, lambda: False)
+    if isinstance(converted, Card):
+        _keep_card(store, foreign.card_order(wanted, converted, at, speed))
+        return
+    if not isinstance(converted, Converted):
+        raise CommandError(_words(converted))
+    converted = foreign.dated(converted, wanted)
+    foreign.refuse(converted, wanted.policy)
+    kept = store.change(
+        lambda session: foreign.keep_confirmed(session, wanted, converted, at=at)
+    ).result()
+    recording = foreign.recording_of(converted)
+    with store.read() as session:
+        problem = intake.fit_problem(session, wanted.robot, recording)
+    outcomes = fit_maps(problem, _ignore, lambda: False)
+    store.change(
+        lambda session: intake.keep_maps(session, wanted.robot, kept.deployment.id, outcomes, at)
+    ).result()
+    _print_report(foreign.report_of(kept, converted, outcomes))
+
+
+def _keep_card(store: Store, order: CardOrder) -> None:
+    try:
+        kept = store.change(lambda session: keep_card(session, order, lambda: None)).result()
+    except CardRefusedError as error:
+        raise JobError(str(error), foreign.refusal(error.faults)) from error
+    _print_report(foreign.card_report(kept, order.card))
 
 
 def _ignore(news: object) -> None:
@@ -135,6 +161,7 @@ def _by_station(arguments: Namespace) -> None:
             "robot": arguments.robot,
             "mapping": _mapping(arguments, proposal).model_dump(mode="json"),
             "policy": arguments.policy.value,
+            "clock_offset_s": arguments.clock_offset,
         }
         job = checked(client.post(f"/api/imports/uploads/{begun['upload']}", json=body)).json()
         _print_report(_result(client, job["id"]))
@@ -160,8 +187,9 @@ def _print_report(report: AnyMapping[str, Any]) -> None:
         print(f"{fault['place']}: {fault['reason']}")
     for note in report["notes"]:
         print(note)
+    deployment = report["deployment"] or "no deployment"
     print(
-        f"{report['deployment']} of {report['robot']}: {report['read']} rows read, "
+        f"{deployment} of {report['robot']}: {report['read']} rows read, "
         f"{report['new']} new, {report['duplicate']} duplicate, {report['differs']} different, "
         f"{report['faults']} faulty."
     )

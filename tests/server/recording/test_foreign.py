@@ -2,15 +2,20 @@
 
 import asyncio
 import threading
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from db.ingest import append_telemetry
+from db.query.fleet.robots import add_robot
 from db.query.measured import imported
 from server.recording.foreign import folder_of, report_of
 from server.recording.keep import Kept
 from server.recording_file.conversion import Converted
+from tests.db.conftest import robot_record
+from tests.server.recording.test_card import by_radio, card_file, measurement
 from tests.server.recording.test_import import until_cancelled
 from tests.server.station_app import running, signed_in
 
@@ -178,3 +183,35 @@ def test_flags_that_are_not_taken_over_are_counted_in_the_report():
         "temperature: the first 1,000 stretches of flags were taken over, 5 were not."
     ]
     assert report_of(Kept(deployment, 0, rows, 0), files, ())["notes"] == []
+
+
+async def test_a_card_is_known_by_its_content_and_needs_no_mapping(app, pilot, tmp_path):
+    store = app.state.foundation.store
+    await store.write(lambda session: add_robot(session, robot_record()))
+    entries = [measurement(number) for number in range(12)]
+    told = [by_radio(number, entries[number]) for number in range(0, 12, 2)]
+    await store.write(lambda session: append_telemetry(session, told))
+    card = card_file(tmp_path / "card", entries).read_bytes()
+    proposal = (await sent(pilot, ("samples", card)))["result"]
+    assert (proposal["format"], proposal["rows"], proposal["columns"]) == ("card", 12, [])
+    body = {"robot": "mini-1", "mapping": proposal["mapping"]}
+    job = await ended(
+        pilot, await pilot.post(f"/api/imports/uploads/{proposal['upload']}", json=body)
+    )
+    assert job["state"] == "done", job["message"]
+    assert counts(job["result"]) == (12, 6, 6, 0, 0)
+    assert job["result"]["deployment"] == "deployment-1"
+    again = (await sent(pilot, ("copy", card)))["result"]
+    answer = await pilot.post(f"/api/imports/uploads/{again['upload']}", json=body)
+    assert answer.status_code == 409
+    assert answer.json()["detail"].endswith("as deployment-1 of mini-1.")
+
+
+async def test_a_clock_that_was_ahead_is_said_by_a_person_and_told_of(pilot):
+    proposal = (await sent(pilot, ("odd.csv", table(range(5)))))["result"]
+    job = await ended(pilot, await confirmed(pilot, proposal, clock_offset_s=12.5))
+    assert job["state"] == "done", job["message"]
+    assert "Every time was moved by -12.500 s, as ann said." in job["result"]["notes"]
+    [deployment] = (await pilot.get("/api/deployments")).json()["deployments"]
+    begun = datetime.fromisoformat(deployment["started_at"])
+    assert begun.timestamp() == BEGIN_S - 12.5

@@ -11,7 +11,9 @@ def read(folder: Path, paths: Sequence[Path]) -> RawRecording:
     """Return the recording in some files; archives unpack into a folder below."""
     unpacked = folder / "unpacked"
     unpacked.mkdir(parents=True, exist_ok=True)
-    return read_files([(path.name, path) for path in paths], unpacked, lambda share: None)
+    raw = read_files([(path.name, path) for path in paths], unpacked, lambda share: None)
+    assert isinstance(raw, RawRecording)
+    return raw
 
 
 def written(folder: Path, name: str, text: str | bytes) -> Path:
