@@ -1,0 +1,64 @@
+"""A station in a process of its own that imports a table, and says on its output how far it is.
+
+    python -m tests.server.recording.doomed_import DATA_DIR
+
+It prints the upload's name, a line for each block of rows that it has written into its
+transaction, and one when the transaction is committed. Whoever reads that kills it.
+"""
+
+import asyncio
+import sys
+from pathlib import Path
+
+from db.query.measured import imported
+from server.recording import foreign
+from tests.server.recording.test_foreign import ended
+from tests.server.station_app import running, signed_in
+
+ROWS = 12_000
+BATCH_ROWS = 1_000
+BEGIN_S = 1_563_751_502
+
+
+def table() -> str:
+    """Return a table of a yo, a row each second."""
+    lines = ["time,latitude,longitude,depth,temperature"]
+    for row in range(ROWS):
+        place = f"{48.9 + 1e-6 * row:.6f},-130.6,{abs(row % 200 - 100)}"
+        lines.append(f"{BEGIN_S + row},{place},{10 + row / 1e4:.4f}")
+    return "\n".join(lines) + "\n"
+
+
+def say(line: str) -> None:
+    """Tell whoever waits."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+async def main(folder: Path) -> None:
+    """Live until the import is over."""
+    insert, learn = imported.insert_samples, foreign.learn_maps
+
+    def told(session, samples):
+        insert(session, samples)
+        say("rows")
+
+    async def committed(*args, **named):
+        say("committed")
+        return await learn(*args, **named)
+
+    imported.insert_samples, foreign.learn_maps = told, committed
+    imported.BATCH_ROWS = BATCH_ROWS
+    async with running(folder) as app, signed_in(app) as client:
+        files = [("files", ("dive.csv", table()))]
+        job = await ended(client, await client.post("/api/imports/uploads", files=files))
+        proposal = job["result"]
+        say(proposal["upload"])
+        body = {"robot": "eva", "mapping": proposal["mapping"]}
+        path = f"/api/imports/uploads/{proposal['upload']}"
+        await ended(client, await client.post(path, json=body))
+        await asyncio.sleep(60.0)
+
+
+if __name__ == "__main__":
+    asyncio.run(main(Path(sys.argv[1])))
