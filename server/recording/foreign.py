@@ -18,7 +18,8 @@ from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
 from db.fault import StoreError, UnknownIdError
-from db.query.fleet.recordings import ImportedFile, refuse_known
+from db.query.fleet.recordings import ImportedFile, refuse_closed, refuse_known
+from db.query.measured.other_series import add_other_series
 from db.query.measured.quality import add_manual_flag
 from db.query.station.settings import get_setting, put_setting
 from db.store import Store
@@ -344,6 +345,16 @@ def keep_confirmed(
     for channel, flags in converted.flags.items():
         told = np.isfinite(converted.values[channel])
         _keep_flags(session, kept, channel, converted.time_s[told], flags[told], title, at, wanted)
+    for name, column in converted.other.items():
+        refuse_closed(session, kept.deployment)
+        add_other_series(
+            session,
+            kept.deployment.id,
+            name=name,
+            unit=column.unit,
+            at_us=np.round(converted.time_s * 1e6).astype(np.int64),
+            value=column.values,
+        )
     if wanted.template and wanted.order.mapping is not None:
         kept_before = dict(get_setting(session, TEMPLATES) or {})
         kept_before[wanted.template] = {
@@ -409,6 +420,13 @@ def _flags_left_out(kept: Kept, converted: Converted) -> list[str]:
     return notes
 
 
+def _others(converted: Converted) -> list[str]:
+    if not converted.other:
+        return []
+    named = ", ".join(converted.other)
+    return [f"{len(converted.other):,} columns are kept as other series: {named}."]
+
+
 def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportReport:
     """Return what came of an import."""
     return {
@@ -420,7 +438,7 @@ def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportRep
         "differs": kept.differs,
         "faults": len(converted.faults),
         "named_faults": _documents(converted.faults),
-        "notes": [*converted.notes, *_flags_left_out(kept, converted)],
+        "notes": [*converted.notes, *_flags_left_out(kept, converted), *_others(converted)],
         "scores": scores_of(outcomes),
         "without_map": without_map(outcomes),
     }

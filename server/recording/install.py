@@ -8,6 +8,7 @@ from server.recording import (
     foreign_route,
     import_route,
     journal_route,
+    other_route,
 )
 from server.recording.decision_replays import DecisionReplays
 
@@ -17,6 +18,7 @@ ROUTERS = (
     foreign_route.router,
     export_route.router,
     decision_route.router,
+    other_route.router,
 )
 
 
@@ -27,4 +29,4 @@ def install(foundation: Foundation) -> None:
     subjects.add_self_asking("POST", "/api/imports")
     subjects.add_self_asking("POST", "/api/imports/uploads")
     subjects.add_self_asking("POST", "/api/imports/uploads/{upload}")
-    subjects.add_details("upload")
+    subjects.add_details("upload", "series")

@@ -1,7 +1,7 @@
 """Turns the columns of a file into a recording, by a mapping; every row is right or named."""
 
 from collections.abc import Mapping as AnyMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -33,8 +33,19 @@ _TIME_MAX_S: Final = 4_102_444_800.0
 _DEPTH_GAP_S: Final = 300.0
 _PLACE_GAP_S: Final = 6 * 3600.0
 """Between two depths, or two places, that are no farther apart, those of other rows are found."""
+_NAMED_MAX: Final = 20
 _LIE_SHARE: Final = 0.5
 """With more values than this outside of what can be true, the unit is doubted, not the rows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OtherColumn:
+    """A column that is no channel."""
+
+    unit: str
+    """As a person confirmed it, "" for none."""
+    values: FloatArray
+    """Shape ``(n,)``, NaN where a row does not tell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +71,8 @@ class Converted:
     notes: tuple[str, ...]
     is_simulated: bool = False
     """Whether the files are marked so."""
+    other: AnyMapping[str, OtherColumn] = field(default_factory=dict[str, OtherColumn])
+    """By name: what is no channel, and kept as the file has it."""
 
 
 class _Rows:
@@ -102,7 +115,13 @@ def convert(raw: RawRecording, mapping: Mapping, channels: ChannelCatalogue) -> 
     _check_values(rows, values, flags, channels)
     flight = _flight(rows, mapping, is_fix)
     _check_places(rows, latitude, longitude, depth)
-    return _ordered(rows, time_s, (latitude, longitude, depth), values, flight, flags)
+    _note_left_out(rows, mapping)
+    other = {
+        one.name: OtherColumn(one.unit, raw.columns[one.name].values)
+        for one in mapping.columns
+        if one.role == "other"
+    }
+    return _ordered(rows, time_s, (latitude, longitude, depth), values, flight, flags, other)
 
 
 def _times(rows: _Rows, by_role: AnyMapping[Role, ColumnMapping], mapping: Mapping) -> FloatArray:
@@ -306,6 +325,20 @@ def _check_places(
     rows.fault_where(depth > _DEPTH_MAX_M, "the depth is {} m, below any sea floor", depth)
 
 
+def _note_left_out(rows: _Rows, mapping: Mapping) -> None:
+    """Name the columns that tell something and become nothing."""
+    used = {one.name for one in mapping.columns if one.role != "ignore"}
+    left = [
+        one.name
+        for one in rows.raw.columns.values()
+        if one.name not in used and (one.texts is not None or np.isfinite(one.values).any())
+    ]
+    if left:
+        named = ", ".join(left[:_NAMED_MAX])
+        more = f" and {len(left) - _NAMED_MAX:,} more" if len(left) > _NAMED_MAX else ""
+        rows.notes.append(f"{len(left):,} columns are left out: {named}{more}.")
+
+
 def _ordered(
     rows: _Rows,
     time_s: FloatArray,
@@ -313,6 +346,7 @@ def _ordered(
     values: AnyMapping[str, FloatArray],
     flight: AnyMapping[str, FloatArray],
     flags: AnyMapping[str, FlagArray],
+    other: AnyMapping[str, OtherColumn],
 ) -> Converted:
     raw = rows.raw
     back = int((np.diff(time_s[rows.is_right]) < 0.0).sum())
@@ -329,7 +363,7 @@ def _ordered(
         *(FileFault(raw.place(i), rows.reasons[i]) for i in sorted(rows.reasons)),
     ]
     read = len(raw) + len(raw.faults)
-    columns = [part[order] for part in (time_s, *place)]
+    columns = [*(part[order] for part in (time_s, *place)), order.astype(np.float64)]
     kept_flight = {key: column[order] for key, column in flight.items()}
     kept_values = {key: column[order] for key, column in values.items()}
     kept_flags = {key: column[order] for key, column in flags.items()}
@@ -338,6 +372,7 @@ def _ordered(
         columns, kept_flight, kept_values, kept_flags = _with_fixes(
             raw, columns, kept_flight, kept_values, kept_flags, faults
         )
+    row = columns.pop().astype(np.int64)
     return Converted(
         *columns,
         values=kept_values,
@@ -347,6 +382,10 @@ def _ordered(
         faults=tuple(faults),
         notes=tuple(rows.notes),
         is_simulated=raw.is_simulated,
+        other={
+            name: OtherColumn(one.unit, np.where(row >= 0, one.values[row], np.nan))
+            for name, one in other.items()
+        },
     )
 
 
@@ -358,7 +397,10 @@ def _with_fixes(
     flags: dict[str, FlagArray],
     faults: list[FileFault],
 ) -> tuple[list[FloatArray], dict[str, FloatArray], dict[str, FloatArray], dict[str, FlagArray]]:
-    """Put fixes between the rows; one that cannot be used is a fault."""
+    """Put fixes between the rows; one that cannot be used is a fault.
+
+    The last of the columns says which row each is of, -1 for a fix.
+    """
     fixes = raw.fixes
     if fixes is None:
         return columns, flight, values, flags
@@ -374,7 +416,8 @@ def _with_fixes(
         elif not is_right[index]:
             faults.append(FileFault(f"fix {index}", "it has no time or no place"))
     count = int(is_right.sum())
-    added = (at, fixes.latitude_deg, fixes.longitude_deg, np.zeros(len(at)))
+    no_row = np.full(len(at), -1.0)
+    added = (at, fixes.latitude_deg, fixes.longitude_deg, np.zeros(len(at)), no_row)
     joined = [np.concatenate([one, new[is_right]]) for one, new in zip(columns, added, strict=True)]
     order = np.argsort(joined[0], kind="stable")
     std = flight.setdefault("position_std_m", np.full(len(columns[0]), np.nan))

@@ -50,7 +50,7 @@ class Mapping(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     columns: tuple[ColumnMapping, ...] = Field(max_length=COLUMNS_MAX)
-    """Columns that are not named are left out."""
+    """Columns that are not named are left out; the report names them."""
     time_format: TimeFormat = ""
     """How times are written; "" is refused where it matters."""
     is_utc: bool = False
@@ -119,7 +119,8 @@ def faults_of(raw: RawRecording, mapping: Mapping, channels: ChannelCatalogue) -
         if column is None:
             faults.append((one.name, "the file has no such column"))
             continue
-        other = seen.setdefault((one.role, one.target), one.name)
+        target = one.name if one.role == "other" else one.target
+        other = seen.setdefault((one.role, target), one.name)
         if other != one.name:
             faults.append((one.name, f"tells the same as column {other!r}"))
         faults += [(one.name, reason) for reason in _column_faults(one, column, channels)]
@@ -141,6 +142,8 @@ def _column_faults(one: ColumnMapping, column: Column, channels: ChannelCatalogu
         return []
     if column.texts is not None:
         return ["it has words where numbers are needed"]
+    if one.role == "other":
+        return []
     if is_place and one.unit == DDMM:
         return []
     try:

@@ -28,10 +28,12 @@ Role = Literal[
     "fix_longitude",
     "variable",
     "flight",
+    "other",
     "ignore",
 ]
-"""What a column tells. ``date`` and ``clock`` are the two halves of a time; ``altitude`` is a
-height above the water, up positive; ``fix_*`` are places of a satellite receiver alone."""
+"""What a column tells. ``other`` is kept with its own name and unit, as no channel. ``date``
+and ``clock`` are the two halves of a time; ``altitude`` is a height above the water, up positive;
+``fix_*`` are places of a satellite receiver alone."""
 Tell = Callable[[float], None]
 """Told the share of the work that is done, 0 .. 1; what it raises ends the work."""
 

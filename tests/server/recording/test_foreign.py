@@ -215,3 +215,29 @@ async def test_a_clock_that_was_ahead_is_said_by_a_person_and_told_of(pilot):
     [deployment] = (await pilot.get("/api/deployments")).json()["deployments"]
     begun = datetime.fromisoformat(deployment["started_at"])
     assert begun.timestamp() == BEGIN_S - 12.5
+
+
+async def test_columns_that_are_no_channel_are_named_or_kept_as_other_series(pilot):
+    """Twice, with a part in common: no value of a series is there twice."""
+    for rows, kept in ((range(20), 20), (range(10, 30), 30)):
+        text = table(rows).replace("probe 7", "probe 7;mood;note").split("\n")
+        lines = [text[0], *(f"{line};{n % 5};fine" for n, line in zip(rows, text[1:], strict=False))]
+        proposal = (await sent(pilot, (f"{kept}.csv", "\n".join(lines))))["result"]
+        mapping = meant(proposal, mood=("other", "", "furlong"))
+        body = {"robot": "eva", "mapping": mapping}
+        job = await ended(
+            pilot, await pilot.post(f"/api/imports/uploads/{proposal['upload']}", json=body)
+        )
+        assert job["state"] == "done", job["message"]
+        notes = job["result"]["notes"]
+        assert "1 columns are left out: note." in notes
+        assert "1 columns are kept as other series: mood." in notes
+        path = "/api/deployments/deployment-1/series"
+        [series] = (await pilot.get(path)).json()["series"]
+        assert (series["name"], series["unit"], series["count"]) == ("mood", "furlong", kept)
+        assert (series["least"], series["greatest"]) == (0.0, 4.0)
+    told = (await pilot.get(f"{path}/{series['id']}")).text.splitlines()
+    assert told[0] == "time,mood (furlong)"
+    assert [line.split(",")[1] for line in told[1:]] == [f"{n % 5}.0" for n in range(30)]
+    assert told[1].startswith("2019-07-21T23:25:02.000000Z,")
+    assert (await pilot.get(f"{path}/series-99")).status_code == 404

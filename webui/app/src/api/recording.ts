@@ -19,6 +19,10 @@ export class RecordingApi {
     return told(this.#http.POST('/api/imports/uploads', { body, bodySerializer: () => form }));
   }
 
+  /** Columns of imported files that are no channel. */
+  otherSeries = (deployment: string) =>
+    told(this.#http.GET('/api/deployments/{deployment}/series', of({ deployment })));
+
   confirm = (upload: string, body: Schemas['Confirmation']) =>
     told(this.#http.POST('/api/imports/uploads/{upload}', { ...of({ upload }), body }));
 }

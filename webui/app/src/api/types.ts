@@ -66,6 +66,7 @@ export type {
   ColumnMapping as MappedColumn,
   FaultDocument as FileFault,
   Mapping as RecordingMapping,
+  OtherSeriesView as OtherSeries,
   RecordingProposal,
   DetectionsView as Detections,
   RestingView as Resting,

@@ -64,6 +64,11 @@ export const EXPORT_FORMATS = [
   { key: 'actuators', title: 'Actuators' },
 ] as const;
 
+/** Where a column of an imported file that is no channel is told as CSV. */
+export function seriesPath(id: string, series: string): string {
+  return `/api/deployments/${encodeURIComponent(id)}/series/${encodeURIComponent(series)}`;
+}
+
 export function exportPath(id: string, format: string): string {
   return `/api/deployments/${encodeURIComponent(id)}/export?format=${format}`;
 }

@@ -11,6 +11,7 @@ const TIMES: readonly ColumnRole[] = ['time', 'date'];
 /** What a column may be beside a measurement, in the order of a list. */
 export const ROLES: readonly { key: ColumnRole; title: string }[] = [
   { key: 'ignore', title: 'Left out' },
+  { key: 'other', title: 'Other series' },
   { key: 'time', title: 'Time' },
   { key: 'date', title: 'Date' },
   { key: 'clock', title: 'Time of day' },
