@@ -300,7 +300,7 @@ def hashes(order: ReadOrder) -> list[ImportedFile]:
     """Return the files of an upload with the hashes of their contents."""
     found: list[ImportedFile] = []
     for place, name in enumerate(order.names):
-        if not name.lower().endswith(".cac"):
+        if not name.lower().endswith((".cac", ".ccc")):
             with (order.folder / str(place)).open("rb") as file:
                 found.append(hashed(file, name))
     return found

@@ -21,7 +21,7 @@ from server.recording_file.raw import (
     Tell,
     UnreadableError,
 )
-from server.recording_file.slocum import LABEL
+from server.recording_file.slocum import LABEL, is_cache, is_packed_slocum
 from server.recording_file.slocum_recording import read_pair, side_of
 
 FILE_BYTES_MAX: Final = 2 << 30
@@ -41,11 +41,11 @@ def kind_of(name: str, path: Path) -> Kind:
         head = file.read(16)
     if head.startswith((b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF")):
         return "netcdf"
-    if head.startswith(LABEL):
+    if head.startswith(LABEL) or is_packed_slocum(head):
         return "slocum"
     if head.startswith(b"PK\x03\x04"):
         return "zip"
-    if head.startswith((b"s: T", b"s: F")):
+    if is_cache(head):
         return "cache"
     if not head and Path(name).suffix.lower().endswith(("bd", "cd")) and side_of(name):
         return "slocum"

@@ -1,5 +1,7 @@
 """Reads Slocum gliders' binary files (dbd, ebd, sbd, tbd, mbd, nbd), by the format alone.
 
+Compressed ones (dcd, ecd, ...) and their cache files (ccc) are unpacked first.
+
 A file is a header of text lines; a list of sensors in text, or the check sum of one that lies in a
 cache file; a known-bytes cycle, which tells the byte order; and cycles. A cycle is the letter
 ``d``, two bits for each sensor (0 not told, 1 as before, 2 new, the first sensor in the highest
@@ -20,10 +22,16 @@ from typing import Final
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from server.recording_file.lz4_block import PackedError, is_packed, unpacked
 from server.recording_file.raw import ROWS_MAX, UnreadableError
 
 LABEL: Final = b"dbd_label:"
+CACHE_BEGINS: Final = (b"s: T", b"s: F")
 _VERSION: Final = 5
+_EXPANSION_MAX: Final = 50
+"""Compressed files are not unpacked to more than so many times their size."""
+_FREE_BYTES: Final = 1 << 20
+"""So much may come of any compressed file."""
 _TAGS_MAX: Final = 40
 _SENSORS_MAX: Final = 20_000
 _KNOWN: Final = 17
@@ -70,13 +78,35 @@ def read_slocum(path: Path, name: str, caches: Mapping[str, Path], wanted: Seque
         UnreadableError: If it is no such file, is written in another version, has no cycle, or its
             cache file is missing.
     """
-    data = path.read_bytes()
+    data = _octets(path, name)
     header, at = _header(data, name)
     sensors, at = _sensors(data, at, header, name, caches)
     order, at = _order(data, at, name)
     values = _cycles(data, at, name, order, sensors, set(wanted))
     units = {one.name: one.unit for one in sensors if one.name in values}
     return Cycles(header, int(header.get("total_num_sensors", len(sensors))), units, values)
+
+
+def is_packed_slocum(head: bytes) -> bool:
+    """Tell whether a file's first 16 octets are those of a compressed one."""
+    return is_packed(head, LABEL)
+
+
+def is_cache(head: bytes) -> bool:
+    """Tell whether a file's first 16 octets are those of a cache file, compressed or not."""
+    return any(head.startswith(one) or is_packed(head, one) for one in CACHE_BEGINS)
+
+
+def _octets(path: Path, name: str) -> bytes:
+    """Return a file's content, unpacked if it is compressed."""
+    data = path.read_bytes()
+    head = data[:16]
+    if not is_packed_slocum(head) and not any(is_packed(head, one) for one in CACHE_BEGINS):
+        return data
+    try:
+        return unpacked(data, max(_FREE_BYTES, _EXPANSION_MAX * len(data)))
+    except PackedError as error:
+        raise UnreadableError(f"{name} is compressed, and {error}.") from error
 
 
 def _line(data: bytes, at: int, name: str) -> tuple[str, int]:
@@ -132,7 +162,7 @@ def _sensors(
     cache = caches.get(crc)
     if cache is None:
         raise UnreadableError(f"{name}: cache file {crc}.cac is missing; add it to the upload.")
-    text = cache.read_text("ascii", "replace")
+    text = _octets(cache, f"{crc}.ccc").decode("ascii", "replace")
     return _listed(text.splitlines(), header, f"{crc}.cac"), at
 
 
