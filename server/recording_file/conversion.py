@@ -108,7 +108,7 @@ def convert(raw: RawRecording, mapping: Mapping, channels: ChannelCatalogue) -> 
     by_role: dict[Role, ColumnMapping] = {one.role: one for one in mapping.columns}
     rows = _Rows(raw)
     time_s = _times(rows, by_role, mapping)
-    latitude, longitude, is_fix = _places(rows, by_role, time_s)
+    latitude, longitude, is_fix = _places(rows, by_role, mapping, time_s)
     depth = _depths(rows, by_role, mapping, time_s, latitude)
     values = _values(rows, mapping, channels)
     flags = _flags(rows, mapping, values)
@@ -149,7 +149,7 @@ def _times(rows: _Rows, by_role: AnyMapping[Role, ColumnMapping], mapping: Mappi
 
 
 def _places(
-    rows: _Rows, by_role: AnyMapping[Role, ColumnMapping], time_s: FloatArray
+    rows: _Rows, by_role: AnyMapping[Role, ColumnMapping], mapping: Mapping, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return latitude, longitude, and which rows have them of a satellite receiver."""
     empty = np.full(len(rows.raw), np.nan)
@@ -167,6 +167,12 @@ def _places(
         longitude = _between(time_s, longitude, was, _PLACE_GAP_S)
         _note_found(rows, was, latitude, "places")
     missing = ~(np.isfinite(latitude) & np.isfinite(longitude))
+    if mapping.latitude_deg is not None and mapping.longitude_deg is not None and missing.any():
+        latitude = np.where(missing, mapping.latitude_deg, latitude)
+        longitude = np.where(missing, mapping.longitude_deg, longitude)
+        place = f"{mapping.latitude_deg:.5f}, {mapping.longitude_deg:.5f}"
+        rows.notes.append(f"{int(missing.sum()):,} rows tell no place and have the said {place}.")
+        return latitude, longitude, is_fix
     rows.fault_where(missing, "no place is told for this time")
     return latitude, longitude, is_fix
 

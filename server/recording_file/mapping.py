@@ -57,6 +57,11 @@ class Mapping(BaseModel):
     """Confirms that times without a zone are UTC."""
     water: Literal["sea", "fresh"] = "sea"
     """For the depth of a pressure."""
+    latitude_deg: float | None = Field(default=None, ge=-90.0, le=90.0)
+    """Where rows were taken that tell no place, as a person says; with ``longitude_deg``. A
+    Slocum's science file tells none, and a mooring's table may not."""
+    longitude_deg: float | None = Field(default=None, ge=-180.0, le=180.0)
+    """As ``latitude_deg``."""
 
 
 class Question(BaseModel):
@@ -125,7 +130,7 @@ def faults_of(raw: RawRecording, mapping: Mapping, channels: ChannelCatalogue) -
             faults.append((one.name, f"tells the same as column {other!r}"))
         faults += [(one.name, reason) for reason in _column_faults(one, column, channels)]
     roles: set[Role] = {role for role, _ in seen}
-    faults += _missing(roles)
+    faults += _missing(roles, mapping)
     faults += [(one.field, one.text) for one in questions(raw, mapping)]
     return MappingError(faults)
 
@@ -162,14 +167,15 @@ def wanted_unit(one: ColumnMapping, channels: ChannelCatalogue) -> str:
     return CANONICAL[one.role]
 
 
-def _missing(roles: set[Role]) -> list[tuple[str, str]]:
+def _missing(roles: set[Role], mapping: Mapping) -> list[tuple[str, str]]:
     faults: list[tuple[str, str]] = []
     if "time" not in roles and not {"date", "clock"} <= roles:
         faults.append(("time", "no column tells the time"))
+    said = {"latitude": mapping.latitude_deg, "longitude": mapping.longitude_deg}
     faults += [
-        (role, f"no column tells the {role}")
-        for role in ("latitude", "longitude")
-        if not roles & {role, f"fix_{role}"}
+        (role, f"no column tells the {role}; say the place of all rows, or add what tells it")
+        for role, place in said.items()
+        if place is None and not roles & {role, f"fix_{role}"}
     ]
     if not roles & {"depth", "pressure", "altitude"}:
         faults.append(("depth", "no column tells the depth, nor a pressure or an altitude"))

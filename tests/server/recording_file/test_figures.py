@@ -96,13 +96,24 @@ def test_a_pair_of_a_slocum_is_one_recording(tmp_path):
     assert told(found.values["pressure"]).max() == pytest.approx(40.74, abs=0.01)
 
 
-def test_a_lone_flight_file_is_read_with_a_warning_and_science_has_no_place(tmp_path):
+def test_a_lone_half_is_read_with_a_warning_and_science_needs_a_place(tmp_path):
     raw, _ = recorded(tmp_path, f"{BASE}.sbd", *CACHES)
     assert raw.notes[0].startswith(f"{BASE}: the science file is not among the files")
     (science, *caches) = public(f"{BASE}.tbd", *CACHES)
     raw = read(tmp_path / "science", [science, *caches])
-    with pytest.raises(MappingError, match="no column tells the latitude"):
-        convert(raw, proposed(raw, CHANNELS), CHANNELS)
+    assert raw.notes[0].startswith(f"{BASE}: the flight file is not among the files")
+    mapping = proposed(raw, CHANNELS)
+    with pytest.raises(MappingError, match="no column tells the latitude; say the place"):
+        convert(raw, mapping, CHANNELS)
+    said = mapping.model_copy(update={"latitude_deg": 54.26, "longitude_deg": 7.5})
+    found = convert(raw, said, CHANNELS)
+    assert found.read == len(found.time_s) + len(found.faults)
+    assert len(found.time_s) > 0.9 * found.read
+    assert set(found.latitude_deg.tolist()) == {54.26}
+    assert any("rows tell no place and have the said 54.26000, 7.50000" in n for n in found.notes)
+    half = mapping.model_copy(update={"latitude_deg": 54.26})
+    with pytest.raises(MappingError, match="no column tells the longitude"):
+        convert(raw, half, CHANNELS)
 
 
 def test_files_that_are_no_slocum_files_are_refused_with_a_sentence(tmp_path):
