@@ -5,12 +5,11 @@ read -> proposed -> confirmed -> converted -> held against what is kept -> kept 
 
 import asyncio
 from collections.abc import Callable, Sequence
-from collections.abc import Mapping as AnyMapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
 from pydantic import JsonValue
@@ -21,7 +20,6 @@ from db.fault import StoreError, UnknownIdError
 from db.query.fleet.recordings import ImportedFile, refuse_closed, refuse_known
 from db.query.measured.other_series import add_other_series
 from db.query.measured.quality import add_manual_flag
-from db.query.station.settings import get_setting, put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.job import JobError, JobProgress, ThreadWork
@@ -38,6 +36,7 @@ from server.recording.intake import (
     without_map,
 )
 from server.recording.keep import Kept, Source, hashed, keep_recording, source_of
+from server.recording.kept_mapping import keep_mapping
 from server.recording.table import Policy, Recording, RowFault
 from server.recording.upload import forget_upload
 from server.recording_file.card import Card
@@ -47,7 +46,6 @@ from server.recording_file.raw import FileFault, FlagArray
 
 FOLDER: Final = "imports"
 """Of the data folder."""
-TEMPLATES: Final = "import_templates"
 _FLAGGED: Final = (2, 3, 4)
 _STRETCHES_MAX: Final = 1000
 """So many stretches of flags of a channel are taken over from files."""
@@ -99,6 +97,8 @@ class RecordingProposal(TypedDict):
     """Keys that a column of the role ``flight`` may have."""
     template: str
     """The kept mapping that was proposed, "" for a guess."""
+    template_at: str
+    """When it was kept, "" for a guess."""
     is_simulated: bool
 
 
@@ -142,6 +142,8 @@ class Confirmed:
     by: str
     clock_offset_s: float | None = None
     """How far the recorder's clock was ahead, as a person said; None where nobody did."""
+    template_at: str = ""
+    """When the mapping of this name was kept that is to be replaced, "" for a new name."""
 
 
 async def read_upload(
@@ -356,13 +358,9 @@ def keep_confirmed(
             value=column.values,
         )
     if wanted.template and wanted.order.mapping is not None:
-        kept_before = dict(get_setting(session, TEMPLATES) or {})
-        kept_before[wanted.template] = {
-            "mapping": wanted.order.mapping.model_dump(mode="json"),
-            "by": wanted.by,
-            "at": at.isoformat(),
-        }
-        put_setting(session, TEMPLATES, kept_before)
+        keep_mapping(
+            session, wanted.template, wanted.order.mapping, wanted.template_at, wanted.by, at
+        )
     return kept
 
 
@@ -442,12 +440,6 @@ def report_of(kept: Kept, converted: Converted, outcomes: Outcomes) -> ImportRep
         "scores": scores_of(outcomes),
         "without_map": without_map(outcomes),
     }
-
-
-def templates_in(session: Session) -> dict[str, Mapping]:
-    """Return the mappings that were kept, by name."""
-    kept: AnyMapping[str, Any] = get_setting(session, TEMPLATES) or {}
-    return {name: Mapping.model_validate(one["mapping"]) for name, one in kept.items()}
 
 
 def with_mapping(order: ReadOrder, mapping: Mapping) -> ReadOrder:

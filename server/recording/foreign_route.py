@@ -19,7 +19,6 @@ from server.base.problem import conflict, not_found
 from server.base.text import shown
 from server.base.view import Body, View
 from server.recording.foreign import (
-    TEMPLATES,
     Confirmed,
     ImportReport,
     RecordingProposal,
@@ -28,9 +27,14 @@ from server.recording.foreign import (
     read_upload,
     refuse_same,
     run_confirmed,
-    templates_in,
 )
 from server.recording.foreign_task import ReadOrder
+from server.recording.kept_mapping import (
+    TEMPLATES,
+    MappingTakenError,
+    refuse_taken,
+    templates_in,
+)
 from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
 from server.recording.upload import forget_upload, keep_upload, upload_place
@@ -91,6 +95,9 @@ class Confirmation(Body):
     """Id of the deployment that the rows belong to, "" to go by their time."""
     template: str = Field(default="", max_length=_NAME_MAX)
     """Name under which the mapping is kept, "" to forget it."""
+    template_at: str = Field(default="", max_length=_NAME_MAX)
+    """When the mapping of this name was kept that is replaced, as the proposal said; 409 where
+    another one is kept by the name."""
     clock_offset_s: float | None = Field(default=None, ge=-_OFFSET_MAX_S, le=_OFFSET_MAX_S)
     """How far the recorder's clock was ahead of the right time, s: every time becomes so much
     earlier. Without it times stay as they are; a card whose clock is over a second off from
@@ -156,7 +163,14 @@ async def confirm_upload(
         body.template,
         caller.name,
         body.clock_offset_s,
+        body.template_at,
     )
+    try:
+        await foundation.store.query(
+            lambda session: refuse_taken(session, body.template, body.mapping, body.template_at)
+        )
+    except MappingTakenError as error:
+        raise conflict(str(error)) from error
 
     async def work(progress: JobProgress) -> ImportReport:
         return await run_confirmed(

@@ -36,6 +36,15 @@ class ReadingStoppedError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
+class Template:
+    """A mapping that was kept."""
+
+    mapping: Mapping
+    at: str
+    """When; tells it from others of its name."""
+
+
+@dataclass(frozen=True, slots=True)
 class ReadOrder:
     """Files that are to be read."""
 
@@ -44,7 +53,7 @@ class ReadOrder:
     names: tuple[str, ...]
     """As the operator knows them."""
     channels: ChannelCatalogue
-    templates: AnyMapping[str, Mapping]
+    templates: AnyMapping[str, Template]
     """Mappings that were kept, by name."""
     mapping: Mapping | None = None
     """What was confirmed."""
@@ -86,6 +95,7 @@ def propose(
         "notes": list(raw.notes),
         "flight": list(FLIGHT),
         "template": template,
+        "template_at": order.templates[template].at if template else "",
         "is_simulated": raw.is_simulated,
     }
 
@@ -146,6 +156,7 @@ def _proposed_card(card: Card) -> dict[str, Any]:
         ],
         "flight": [],
         "template": "",
+        "template_at": "",
         "is_simulated": False,
     }
 
@@ -155,9 +166,9 @@ def _proposed(raw: RawRecording, order: ReadOrder) -> tuple[Mapping, str]:
     guess = proposed(raw, order.channels)
     names = [one.name for one in guess.columns]
     fitting = [
-        (len(told), name, mapping)
-        for name, mapping in order.templates.items()
-        for told in [{one.name for one in mapping.columns if one.role != "ignore"}]
+        (len(told), name, kept.mapping)
+        for name, kept in order.templates.items()
+        for told in [{one.name for one in kept.mapping.columns if one.role != "ignore"}]
         if told <= set(names)
     ]
     if not fitting:

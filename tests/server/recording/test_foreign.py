@@ -1,6 +1,7 @@
 """Files of any maker: proposed, confirmed, and kept whole or not at all."""
 
 import asyncio
+import copy
 import threading
 from datetime import datetime
 from types import SimpleNamespace
@@ -67,7 +68,7 @@ async def sent(client, *files):
 
 def meant(proposal, **unusual):
     """Return the proposed mapping with a person's word on some columns."""
-    mapping = proposal["mapping"]
+    mapping = copy.deepcopy(proposal["mapping"])
     told = {"when": ("time", "", "s"), "probe 7": ("variable", "temperature", "degC")} | unusual
     for column in mapping["columns"]:
         if column["name"] in told:
@@ -127,6 +128,33 @@ async def test_a_kept_mapping_is_listed_and_forgotten(pilot):
     assert (kept["name"], kept["columns"]) == ("odd", 5)
     assert (await pilot.delete("/api/imports/templates/odd")).status_code == 204
     assert (await pilot.delete("/api/imports/templates/odd")).status_code == 404
+
+
+async def test_a_kept_mapping_is_not_overwritten_by_another_of_its_name(pilot):
+    first = (await sent(pilot, ("odd.csv", table(range(5)))))["result"]
+    second = (await sent(pilot, ("more.csv", table(range(10, 15)))))["result"]
+    assert (second["template"], second["template_at"]) == ("", "")
+    job = await ended(pilot, await confirmed(pilot, first, template="odd"))
+    assert job["state"] == "done", job["message"]
+    other = meant(second, Lat=("latitude", "", "DDMM.mm"))
+    body = {"robot": "eva", "mapping": other, "template": "odd"}
+    path = f"/api/imports/uploads/{second['upload']}"
+    answer = await pilot.post(path, json=body)
+    assert answer.status_code == 409
+    assert answer.json()["detail"].startswith("ann keeps another mapping as 'odd', since ")
+    same = await ended(pilot, await confirmed(pilot, second, template="odd"))
+    assert same["state"] == "done", same["message"]
+    third = (await sent(pilot, ("third.csv", table(range(20, 25)))))["result"]
+    assert third["template"] == "odd"
+    body = {**body, "mapping": meant(third) | {"water": "fresh"}}
+    path = f"/api/imports/uploads/{third['upload']}"
+    assert (await pilot.post(path, json=body)).status_code == 409
+    job = await ended(
+        pilot, await pilot.post(path, json={**body, "template_at": third["template_at"]})
+    )
+    assert job["state"] == "done", job["message"]
+    fourth = (await sent(pilot, ("fourth.csv", table(range(30, 35)))))["result"]
+    assert fourth["mapping"]["water"] == "fresh"
 
 
 async def test_files_that_are_no_recording_are_refused_in_a_sentence(pilot):
@@ -221,7 +249,10 @@ async def test_columns_that_are_no_channel_are_named_or_kept_as_other_series(pil
     """Twice, with a part in common: no value of a series is there twice."""
     for rows, kept in ((range(20), 20), (range(10, 30), 30)):
         text = table(rows).replace("probe 7", "probe 7;mood;note").split("\n")
-        lines = [text[0], *(f"{line};{n % 5};fine" for n, line in zip(rows, text[1:], strict=False))]
+        lines = [
+            text[0],
+            *(f"{line};{n % 5};fine" for n, line in zip(rows, text[1:], strict=False)),
+        ]
         proposal = (await sent(pilot, (f"{kept}.csv", "\n".join(lines))))["result"]
         mapping = meant(proposal, mood=("other", "", "furlong"))
         body = {"robot": "eva", "mapping": mapping}
