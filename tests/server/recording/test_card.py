@@ -34,11 +34,6 @@ ROWS = 120
 
 
 @pytest.fixture
-def _known_fleet():
-    """No station is needed."""
-
-
-@pytest.fixture
 def store(tmp_path):
     store = Store.open(f"sqlite:///{tmp_path / 'station.sqlite3'}")
     store.change(lambda session: add_robot(session, robot_record())).result()

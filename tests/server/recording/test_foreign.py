@@ -7,7 +7,6 @@ from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from db.ingest import append_telemetry
 from db.query.fleet.robots import add_robot
@@ -18,26 +17,8 @@ from server.recording_file.conversion import Converted
 from tests.db.conftest import robot_record
 from tests.server.recording.test_card import by_radio, card_file, measurement
 from tests.server.recording.test_import import until_cancelled
-from tests.server.station_app import running, signed_in
 
 BEGIN_S = 1_563_751_502
-
-
-@pytest.fixture
-def _known_fleet():
-    """The station is new: no robots are known before a test adds its own."""
-
-
-@pytest.fixture
-async def app(tmp_path):
-    async with running(tmp_path) as app:
-        yield app
-
-
-@pytest.fixture
-async def pilot(app):
-    async with signed_in(app) as client:
-        yield client
 
 
 def table(rows, shift=0.0, broken=()):

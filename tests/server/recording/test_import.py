@@ -21,15 +21,9 @@ from server.recording import keep, table
 from server.recording.map_fit import FitProblem, run
 from server.recording.table import Policy, read_recording
 from tests.db.conftest import report, robot_record, sample
-from tests.server.station_app import running, signed_in
 
 HOUR = timedelta(hours=1)
 REAL = Path(__file__).parents[4] / "shared" / "data" / "eva035_chl_temp.csv"
-
-
-@pytest.fixture
-def _known_fleet():
-    """The station is new: no robots are known before a test adds its own."""
 
 
 def dive_csv(rows=60, broken=(), start_s=1_563_751_502):
@@ -41,18 +35,6 @@ def dive_csv(rows=60, broken=(), start_s=1_563_751_502):
         cells = [start_s + 30.1 * row, 48.9 + 1e-4 * row, -130.6 + 5e-5 * row, depth_m, value]
         lines.append(",".join("oops" if row in broken else repr(cell) for cell in cells))
     return "\n".join(lines) + "\n"
-
-
-@pytest.fixture
-async def app(tmp_path):
-    async with running(tmp_path) as app:
-        yield app
-
-
-@pytest.fixture
-async def pilot(app):
-    async with signed_in(app) as client:
-        yield client
 
 
 async def import_file(client, text, robot="eva", **form):

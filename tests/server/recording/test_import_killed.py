@@ -19,11 +19,6 @@ ROOT = Path(__file__).parents[3]
 BLOCKS = ROWS // BATCH_ROWS
 
 
-@pytest.fixture
-def _known_fleet():
-    """The station is new: no robots are known before a test adds its own."""
-
-
 def killed_after(folder, lines, wait_s):
     """Kill an importing station some time after so many lines; return its upload."""
     child = subprocess.Popen(

@@ -55,11 +55,6 @@ def told(store):
 
 
 @pytest.fixture
-def _known_fleet():
-    """No station is needed."""
-
-
-@pytest.fixture
 def stores(tmp_path):
     numbers = itertools.count()
     opened = []
