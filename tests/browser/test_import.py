@@ -25,7 +25,7 @@ COLUMNS = {
     "east": ("longitude", "degree_east"),
     "below": ("depth", "cm"),
     "warmth": ("variable:temperature", "degF"),
-    "mood": ("ignore", ""),
+    "mood": ("other", "points"),
 }
 
 
@@ -109,6 +109,11 @@ def test_a_table_of_unknown_columns_is_mapped_column_by_column(sheet, tank, tmp_
     depth_cm = 100.0
     assert kept["value"][0] == pytest.approx((70.0 - 0.02 * depth_cm - 32.0) / 1.8, abs=1e-3)
     assert kept["measured_at"][0].startswith("2026-08-03T10:00:02")
+
+    open_page(sheet, tank, f"/data/buoy-1#{deployment}")
+    others = sheet.get_by_role("region", name="Other series")
+    expect(others.get_by_role("row", name=re.compile(f"mood points {ROWS}"))).to_be_visible()
+    sheet.screenshot(path=SHOTS / "import-other-series.png", full_page=True)
 
     # The same file again: its mapping is known, and every row is.
     panel = panel_of(sheet, tank)
