@@ -8,7 +8,7 @@ earlier recordings, so that the order in which files come in does not matter.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -123,28 +123,29 @@ def keep(
             go_on,
         )
         _note_other(session, merged, one, received_us)
-    is_state = merged.is_new & (merged.known_state_us < 0)
-    told = [_told(merged.flight, row) for row in range(len(merged.at_us))]
-    places = merged.position_ned.tolist()
-    imported.add_states(
-        session,
-        robot_key,
-        [
-            {"at_us": int(merged.at_us[row]), "position_ned": places[row], "flight": told[row]}
-            for row in np.flatnonzero(is_state).tolist()
-        ],
-        received_us,
-        go_on,
-    )
-    imported.complete_states(
-        session,
-        robot_key,
-        [
-            (int(merged.known_state_us[row]), told[row])
-            for row in np.flatnonzero(merged.known_state_us >= 0).tolist()
-            if told[row]
-        ],
-    )
+    is_state = np.flatnonzero(merged.is_new & (merged.known_state_us < 0))
+    for begin in range(0, len(is_state), imported.BATCH_ROWS):
+        rows = is_state[begin : begin + imported.BATCH_ROWS]
+        imported.add_states(session, robot_key, _states(merged, rows), received_us, go_on)
+    is_known = np.flatnonzero(merged.known_state_us >= 0)
+    for begin in range(0, len(is_known), imported.BATCH_ROWS):
+        go_on()
+        rows = is_known[begin : begin + imported.BATCH_ROWS].tolist()
+        told = [(int(merged.known_state_us[row]), _told(merged.flight, row)) for row in rows]
+        imported.complete_states(session, robot_key, [one for one in told if one[1]])
+
+
+def _states(merged: Merge, rows: IntArray) -> list[dict[str, Any]]:
+    """Return rows as states; of a block at a time, for a file may have millions."""
+    places = merged.position_ned[rows].tolist()
+    return [
+        {
+            "at_us": int(merged.at_us[row]),
+            "position_ned": place,
+            "flight": _told(merged.flight, row),
+        }
+        for row, place in zip(rows.tolist(), places, strict=True)
+    ]
 
 
 def _better(merged: Merge, one: _Series) -> IntArray:

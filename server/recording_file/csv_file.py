@@ -9,10 +9,11 @@ from typing import IO, Final
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import FloatArray, IntArray
 from server.recording_file.guess import guessed, name_and_unit
 from server.recording_file.raw import (
     COLUMNS_MAX,
+    ROWS_MAX,
     Column,
     FileFault,
     RawRecording,
@@ -20,8 +21,15 @@ from server.recording_file.raw import (
     UnreadableError,
 )
 
-ROWS_MAX: Final = 2_000_000
-"""Of texts, which are held in memory until their columns are known."""
+BLOCK_ROWS: Final = 50_000
+"""So many rows are held as texts at once; the first of these blocks says which columns have words.
+"""
+CELLS_MAX: Final = 200_000_000
+"""Numbers of all columns together: 1.6 GB of memory."""
+TEXTS_MAX: Final = 20_000_000
+"""Cells in words of all columns together, at some 80 bytes."""
+FAULTS_MAX: Final = 1_000_000
+"""A file with more rows that cannot be read is no table of the form that its header says."""
 _COMMENT: Final = "#"
 _LOOK_LINES: Final = 200
 _LINE_LENGTH_MAX: Final = 100_000
@@ -54,10 +62,10 @@ class Dialect:
 
 
 def read_csv(path: Path, name: str, tell: Tell) -> RawRecording:
-    """Read a table.
+    """Read a table, block by block.
 
     A line whose number of cells is not that of the header is a fault of that line, and so is a
-    cell that is no number in a column of numbers.
+    cell that is no number in a column of numbers. Which columns have words, its first block says.
 
     Raises:
         UnreadableError: If there is no header, no row, or there are too many.
@@ -68,22 +76,10 @@ def read_csv(path: Path, name: str, tell: Tell) -> RawRecording:
         dialect, (_, header_line), first = _begin(lines, name)
         header = dialect.cells(header_line)
         _check_header(header, name)
-        numbers: list[int] = []
-        rows: list[list[str]] = []
-        faults: list[FileFault] = []
+        table = _Table(name, header, dialect)
         for number, line in chain(first, lines):
-            cells = dialect.cells(line)
-            if len(cells) != len(header):
-                reason = f"the row has {len(cells)} cells, the header {len(header)}"
-                faults.append(FileFault(f"line {number}", reason))
-                continue
-            numbers.append(number)
-            rows.append(cells)
-            if len(rows) > ROWS_MAX:
-                raise UnreadableError(f"{name} has more than {ROWS_MAX:,} rows; cut it into parts.")
-    if not rows and not faults:
-        raise UnreadableError(f"{name} has a header, but no row.")
-    return _recording(name, header, dialect, np.array(numbers, dtype=np.int64), rows, faults)
+            table.take(number, dialect.cells(line))
+    return table.recording()
 
 
 def _lines(file: IO[bytes], tell: Tell, size: int) -> Generator[Line]:
@@ -160,60 +156,115 @@ def _check_header(header: Sequence[str], name: str) -> None:
         raise UnreadableError(f"{name} names the column {twice[0]!r} twice in its header.")
 
 
-def _recording(
-    name: str,
-    header: Sequence[str],
-    dialect: Dialect,
-    numbers: np.ndarray,
-    rows: list[list[str]],
-    faults: list[FileFault],
-) -> RawRecording:
-    columns: dict[str, Column] = {}
-    is_right = np.ones(len(rows), dtype=np.bool_)
-    for place, title in enumerate(header):
-        cells = [row[place] for row in rows]
-        plain_name, unit = name_and_unit(title)
-        guess = guessed(plain_name, unit)
-        values, wrong = _numbers(cells, dialect)
-        key = title or f"column {place + 1}"
-        is_text = bool(wrong) and len(wrong) > 0.5 * len(cells)
-        for index in () if is_text else wrong:
-            if is_right[index]:
-                reason = f"{plain_name} is not a number: {cells[index][:40]!r}"
-                faults.append(FileFault(f"line {numbers[index]}", reason))
-            is_right[index] = False
-        columns[key] = Column(
-            key,
-            np.empty(0) if is_text else values,
-            guess.unit,
-            tuple(cells) if is_text else None,
-            role=guess.role,
-            target=guess.target,
-        )
-    faults.sort(key=lambda fault: int(fault.place.split()[1]))
-    return RawRecording(
-        "csv",
-        (name,),
-        {key: _part(column, is_right) for key, column in columns.items()},
-        numbers[is_right],
-        np.zeros(int(is_right.sum()), dtype=np.int64),
-        faults=tuple(faults),
-    )
+class _Table:
+    """The rows of one file, kept as numbers as soon as a block of them is complete."""
 
+    def __init__(self, name: str, header: Sequence[str], dialect: Dialect) -> None:
+        self._name = name
+        self._header = header
+        self._dialect = dialect
+        self._numbers: list[int] = []
+        self._rows: list[list[str]] = []
+        self._is_text: list[bool] = []
+        """Of each column, once the first block is complete."""
+        self._values: list[list[FloatArray]] = [[] for _ in header]
+        self._texts: list[list[str]] = [[] for _ in header]
+        self._places: list[IntArray] = []
+        self._faults: list[FileFault] = []
+        self._count = 0
 
-def _part(column: Column, chosen: np.ndarray) -> Column:
-    if column.texts is not None:
-        texts = tuple(cell for cell, is_in in zip(column.texts, chosen, strict=True) if is_in)
-        return Column(
-            column.name, column.values, column.unit, texts, role=column.role, target=column.target
+    def take(self, number: int, cells: list[str]) -> None:
+        """Take a line's cells."""
+        if len(cells) != len(self._header):
+            reason = f"the row has {len(cells)} cells, the header {len(self._header)}"
+            self._fault(number, reason)
+            return
+        self._numbers.append(number)
+        self._rows.append(cells)
+        if len(self._rows) >= BLOCK_ROWS:
+            self._end_block()
+
+    def _fault(self, number: int, reason: str) -> None:
+        self._faults.append(FileFault(f"line {number}", reason))
+        if len(self._faults) > FAULTS_MAX:
+            raise UnreadableError(
+                f"{self._name} has more than {FAULTS_MAX:,} rows that cannot be read, the first "
+                f"is {self._faults[0].place}: {self._faults[0].reason}."
+            )
+
+    def _end_block(self) -> None:
+        rows, numbers = self._rows, np.array(self._numbers, dtype=np.int64)
+        self._rows, self._numbers = [], []
+        columns = [_numbers([row[place] for row in rows], self._dialect) for place in self._width]
+        if not self._is_text:
+            self._is_text = [len(wrong) > 0.5 * len(rows) for _, wrong in columns]
+        is_right = np.ones(len(rows), dtype=np.bool_)
+        for place, (_, wrong) in enumerate(columns):
+            for index in () if self._is_text[place] else wrong:
+                if is_right[index]:
+                    title, _ = name_and_unit(self._header[place])
+                    cell = rows[index][place][:40]
+                    self._fault(int(numbers[index]), f"{title} is not a number: {cell!r}")
+                is_right[index] = False
+        right = np.flatnonzero(is_right).tolist()
+        for place, (values, _) in enumerate(columns):
+            if self._is_text[place]:
+                self._texts[place] += [rows[index][place] for index in right]
+            else:
+                self._values[place].append(values[is_right])
+        self._places.append(numbers[is_right])
+        self._count += len(right)
+        self._check_size()
+
+    @property
+    def _width(self) -> range:
+        return range(len(self._header))
+
+    def _check_size(self) -> None:
+        texts = sum(self._is_text)
+        for count, limit, what in (
+            (self._count, ROWS_MAX, "rows"),
+            (self._count * (len(self._header) - texts), CELLS_MAX, "numbers"),
+            (self._count * texts, TEXTS_MAX, "cells with words"),
+        ):
+            if count > limit:
+                raise UnreadableError(
+                    f"{self._name} has more than {limit:,} {what}; cut it into parts."
+                )
+
+    def recording(self) -> RawRecording:
+        """Return what was taken.
+
+        Raises:
+            UnreadableError: If there is no row, or there are too many.
+        """
+        if self._rows:
+            self._end_block()
+        if not self._count and not self._faults:
+            raise UnreadableError(f"{self._name} has a header, but no row.")
+        columns: dict[str, Column] = {}
+        for place, title in enumerate(self._header):
+            guess = guessed(*name_and_unit(title))
+            key = title or f"column {place + 1}"
+            is_text = bool(self._is_text) and self._is_text[place]
+            columns[key] = Column(
+                key,
+                np.concatenate([np.empty(0), *self._values[place]]),
+                guess.unit,
+                tuple(self._texts[place]) if is_text else None,
+                role=guess.role,
+                target=guess.target,
+            )
+            self._values[place], self._texts[place] = [], []
+        self._faults.sort(key=lambda fault: int(fault.place.split()[1]))
+        return RawRecording(
+            "csv",
+            (self._name,),
+            columns,
+            np.concatenate([np.empty(0, dtype=np.int64), *self._places]),
+            np.zeros(self._count, dtype=np.int64),
+            faults=tuple(self._faults),
         )
-    return Column(
-        column.name,
-        column.values[chosen],
-        column.unit,
-        role=column.role,
-        target=column.target,
-    )
 
 
 def _numbers(cells: list[str], dialect: Dialect) -> tuple[FloatArray, list[int]]:

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autonomy.channel import CHANNELS
+from server.recording_file import csv_file
 from server.recording_file.conversion import convert
 from server.recording_file.depth import depth_of_pressure
 from server.recording_file.mapping import MappingError, faults_of, proposed, questions
@@ -166,3 +167,40 @@ def test_units_that_measure_different_things_are_not_confused():
     assert converted(np.array([300.0]), "K", "degC")[0] == pytest.approx(26.85)
     with pytest.raises(UnitError, match="cannot become degC"):
         converted(values, "m", "degC")
+
+
+def long_table(rows, broken=()):
+    lines = ["time,lat,lon,depth,temp,note"]
+    for row in range(rows):
+        value = "oops" if row in broken else f"{10 + row / 100}"
+        lines.append(f"{1600000000 + row},48,9,1,{value},word {row % 3}")
+    return "\n".join(lines) + "\n"
+
+
+def test_a_table_of_many_blocks_is_read_as_one_of_a_single_block(tmp_path, monkeypatch):
+    whole = table(tmp_path / "whole", long_table(95, broken=(7, 30, 94)))
+    monkeypatch.setattr(csv_file, "BLOCK_ROWS", 10)
+    parts = table(tmp_path / "parts", long_table(95, broken=(7, 30, 94)))
+    assert parts.faults == whole.faults
+    assert [one.place for one in parts.faults] == ["line 9", "line 32", "line 96"]
+    assert parts.row.tolist() == whole.row.tolist()
+    for key, column in whole.columns.items():
+        assert parts.columns[key].texts == column.texts
+        assert parts.columns[key].values.tolist() == column.values.tolist()
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ("ROWS_MAX", "has more than 50 rows; cut it into parts"),
+        ("CELLS_MAX", "has more than 50 numbers; cut it into parts"),
+        ("TEXTS_MAX", "has more than 50 cells with words; cut it into parts"),
+        ("FAULTS_MAX", r"has more than 50 rows that cannot be read, the first is line 14: temp"),
+    ],
+)
+def test_a_table_that_is_too_large_says_by_what(tmp_path, monkeypatch, limit, words):
+    monkeypatch.setattr(csv_file, "BLOCK_ROWS", 10)
+    monkeypatch.setattr(csv_file, limit, 50)
+    broken = range(12, 90) if limit == "FAULTS_MAX" else ()
+    with pytest.raises(UnreadableError, match=words):
+        table(tmp_path, long_table(95, broken))
