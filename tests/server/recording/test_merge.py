@@ -9,14 +9,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from autonomy.channel import CHANNELS
 from db.query.fleet.deployments import list_deployments
 from db.query.fleet.recordings import DeploymentExistsError, ImportedFile
 from db.query.measured.samples import sample_columns
 from db.query.measured.telemetry import track
 from db.store import Store
 from server.recording.duplicate import matches
+from server.recording.foreign import recording_of
 from server.recording.keep import keep_recording, source_of
 from server.recording.table import Recording
+from server.recording_file.conversion import convert
+from server.recording_file.mapping import proposed
+from tests.server.recording_file.reading_of import read
+from tests.server.recording_file.test_figures import BASE, CACHES, public
 
 BEGIN_S = 1_600_000_000.0
 NOW = datetime(2026, 11, 28, tzinfo=UTC)
@@ -35,6 +41,11 @@ def recording(times_s, shift=0.0):
         {},
         (),
     )
+
+
+def converted(folder, paths):
+    raw = read(folder, paths)
+    return convert(raw, proposed(raw, CHANNELS), CHANNELS)
 
 
 def kept(store, name, rows):
@@ -82,6 +93,28 @@ def test_a_denser_file_takes_the_place_of_a_sparse_one_in_either_order(stores):
     assert (again.new, again.duplicate) == (0, 20)
     assert told(there) == told(back)
     assert told(there)[1] == {"deployment-1": 100}
+
+
+def test_what_a_slocum_sent_from_the_surface_is_in_its_own_files(stores, tmp_path):
+    """Both ways round the same is kept, and each row is told of.
+
+    The short science file repeats what its computer measured up to a cycle before: of its rows 16
+    are by two milliseconds farther away from there than half of the long file's interval.
+    """
+    caches = public(*CACHES)
+    short, long = (
+        converted(tmp_path / endings[0], [*public(*(f"{BASE}.{e}" for e in endings)), *caches])
+        for endings in (("sbd", "tbd"), ("dbd", "ebd"))
+    )
+    rows = [recording_of(one) for one in (short, long)]
+    there, back = stores(), stores()
+    first, second = kept(there, "short", rows[0]), kept(there, "long", rows[1])
+    assert (first.new, first.duplicate, first.differs) == (len(rows[0].time_s), 0, 0)
+    assert second.new + second.duplicate + second.differs == len(rows[1].time_s)
+    assert kept(back, "long", rows[1]).new == len(rows[1].time_s)
+    again = kept(back, "short", rows[0])
+    assert (again.new, again.duplicate, again.differs) == (16, len(rows[0].time_s) - 16, 0)
+    assert told(there)[0] == told(back)[0]
 
 
 def test_the_same_rows_again_change_nothing_and_the_same_file_is_refused(stores):

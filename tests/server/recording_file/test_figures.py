@@ -1,5 +1,7 @@
 """Public files of other makers are read as they are: figures within their digits."""
 
+import hashlib
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,24 @@ def recorded(tmp_path, *names):
         pytest.importorskip("netCDF4", reason="netCDF4 is not installed")
     raw = read(tmp_path, public(*names))
     return raw, convert(raw, proposed(raw, CHANNELS), CHANNELS)
+
+
+@pytest.mark.parametrize(
+    ("name", "sha256"),
+    [
+        ("p5420304.nc", "457f74f1cca579ca"),
+        (f"{BASE}.dbd", "fd7c55aa6a5993e6"),
+        (f"{BASE}.ebd", "ed6143e8bd18b85e"),
+        (f"{BASE}.sbd", "1272d3013aec262a"),
+        ("empty-2014-204-05-000.dbd", "e3b0c44298fc1c14"),
+        ("sea076_20230906T0852_R.nc", "0d8424ba021f151d"),
+        ("sp028_20230202T1637_R.nc", "6acec4bb6112e3e0"),
+        ("../eva035_chl_temp.csv", "6eae5112017bce6b"),
+    ],
+)
+def test_the_figures_are_those_of_these_very_files(name, sha256):
+    (path,) = public(name)
+    assert hashlib.sha256(path.read_bytes()).hexdigest()[:16] == sha256
 
 
 def told(values):
@@ -83,7 +103,23 @@ def test_sensors_of_a_slocum(ending, sensor, count, mean):
     assert (len(values), values.mean()) == (count, pytest.approx(mean, abs=5e-7))
     if ending == "dbd":
         assert found.sensors == 2027
-        assert values.max() == pytest.approx(41.0549, abs=1e-4)
+        assert values.max() == pytest.approx(41.0549, abs=5e-5)
+
+
+def test_the_times_of_a_slocum_and_that_its_short_file_repeats_the_long_one():
+    long, short, *caches = public(f"{BASE}.dbd", f"{BASE}.sbd", *CACHES)
+    by_sum = {one.stem: one for one in caches}
+    asked = ["m_present_time", "m_depth"]
+    found, sent = (read_slocum(path, path.name, by_sum, asked).values for path in (long, short))
+    ends = [datetime.fromtimestamp(at, UTC) for at in found["m_present_time"][[0, -1]].tolist()]
+    assert [f"{at:%Y-%m-%dT%H:%M:%SZ}" for at in ends] == [
+        "2014-07-24T17:03:36Z",
+        "2014-07-24T18:15:21Z",
+    ]
+    depths = dict(zip(found["m_present_time"].tolist(), found["m_depth"].tolist(), strict=True))
+    is_told = np.isfinite(sent["m_depth"])
+    pairs = zip(sent["m_present_time"][is_told], sent["m_depth"][is_told], strict=True)
+    assert [depths[at] for at, _ in pairs] == sent["m_depth"][is_told].tolist()
 
 
 def test_a_pair_of_a_slocum_is_one_recording(tmp_path):
@@ -129,7 +165,10 @@ def test_files_that_are_no_slocum_files_are_refused_with_a_sentence(tmp_path):
 
 
 def test_og1_of_others(tmp_path):
-    _, found = recorded(tmp_path / "sea", "sea076_20230906T0852_R.nc")
+    raw, found = recorded(tmp_path / "sea", "sea076_20230906T0852_R.nc")
+    assert (len(raw), len(told(raw.columns["DEPTH"].values))) == (10, 8)
+    assert set(raw.columns["PHASE"].values.tolist()) == {3.0}
+    assert raw.scalars["wmo_identifier"] == "6801665"
     assert found.values["temperature"].mean() == pytest.approx(18.702610, abs=5e-7)
     assert set(found.flags["temperature"].tolist()) == {1}
     raw, _ = recorded(tmp_path / "sp", "sp028_20230202T1637_R.nc")
