@@ -82,17 +82,20 @@ def read_pair(
     """
     parts: list[tuple[int, Side, FloatArray, dict[str, FloatArray]]] = []
     notes: list[str] = _lonely(files)
+    unread: list[int] = []
     for number, (name, path) in enumerate(files):
         side = side_of(name)
         if side is None:
             raise UnreadableError(f"{name}: the ending says neither flight nor science.")
         wanted = [one for product in _PRODUCTS for one in product.sensors] + [*_TIME[side]]
         cycles = read_slocum(path, name, caches, wanted)
+        unread.append(cycles.sensors - len(cycles.values))
         parts.append((number, side, *_products(cycles, side, name)))
         tell((number + 1) / len(files))
     present = {key for *_, columns in parts for key in columns}
     if "heading" in present:
         notes.append("Headings are those of the compass: magnetic, not true.")
+    notes.append(f"{sum(unread):,} sensors of the files have no known meaning and are not read.")
     return _joined([name for name, _ in files], parts, present, notes)
 
 
