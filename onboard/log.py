@@ -10,14 +10,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Protocol, TextIO
 
-from robot_link.messages import STATE, StateReport
+from robot_link.messages import StateReport
+from robot_link.track_line import TRACK_HEADER, track_line
 
 TRACK_PERIOD_S = 5.0
 _FILES_KEPT = 8
 """Of each kind."""
 _BYTES_MAX = 4_000_000
 """A file that is longer takes no more."""
-_COLUMNS = ",".join(("time", *STATE.keys, "mode", "has_fix"))
 
 _log = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ class FileLog:
                 old.unlink()
         self._at = started_at
         self._events = _opened(folder / f"events-{name}.txt", "")
-        self._track = _opened(folder / f"track-{name}.csv", _COLUMNS)
+        self._track = _opened(folder / f"track-{name}.csv", TRACK_HEADER)
         self._tracked_at: datetime | None = None
 
     def note(self, sentence: str) -> None:
@@ -81,13 +81,7 @@ class FileLog:
         if before is not None and 0.0 <= (at - before).total_seconds() < TRACK_PERIOD_S:
             return
         self._tracked_at = at
-        cells = [
-            f"{at:%Y-%m-%dT%H:%M:%S.%fZ}",
-            *(f"{number:.5g}" for number in STATE.numbers(state)),
-            state.mode.name.lower(),
-            str(int(state.has_fix)),
-        ]
-        _write(self._track, ",".join(cells))
+        _write(self._track, track_line(state))
 
     def close(self) -> None:
         """Write out what is held back."""

@@ -4,7 +4,7 @@ The same number of the same log is the same measurement, whatever its time. It i
 telemetry says what a wire would have made of the card's word: the value itself, as a float of 32
 bits, or of 24 bits by satellite. Otherwise it differs: telemetry's word stays, and the card's is
 kept beside it; in a reviewed file the card's counts. Heard tags are named by time, tag and
-receiver, for their numbers are not kept.
+receiver, for their numbers are not kept; states by their moment.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,6 +31,7 @@ from db.query.fleet.recordings import (
 )
 from db.query.fleet.robot_channels import list_announcements
 from db.query.fleet.robots import get_robot, robot_key
+from db.query.measured.imported import complete_states
 from db.query.measured.recovered import (
     CardWord,
     NumberedSamples,
@@ -47,6 +48,7 @@ from robot_link.report import Detection
 from robot_link.sample_log import HeardTag, Measurement, SampleKey
 from server.base.channels import catalogue_in
 from server.fleet.plausibility import fault_of_detection, fault_of_sample
+from server.recording.card_state import held_states, judged_states
 from server.recording_file.card import Card, CardEntry
 from server.recording_file.raw import FileFault
 
@@ -82,6 +84,11 @@ class CardOrder:
     speed: float = 1.0
     """Seconds of the station's clock per second of the wall."""
 
+    @property
+    def shift(self) -> timedelta:
+        """What is taken off every time."""
+        return timedelta(seconds=self.clock_offset_s or 0.0)
+
 
 @dataclass(frozen=True, slots=True)
 class KeptCard:
@@ -107,27 +114,32 @@ def keep_card(session: Session, order: CardOrder, go_on: Callable[[], None]) -> 
     """
     site = _site(session, order)
     samples, heard, faults = _judged(session, order, site)
+    states = judged_states(
+        order.robot, order.card, order.shift, faults, site, order.at, order.speed
+    )
     by_log = _held(session, order, samples)
     ahead_s = _ahead(by_log)
     _refuse_clock(order, ahead_s)
     faults += [fault for one in by_log for fault in one.faults]
-    _refuse_faults(order, faults, right=sum(map(len, by_log)) + len(heard))
+    _refuse_faults(order, faults, right=sum(map(len, by_log)) + len(heard) + len(states))
     new = [one.samples[row] for one in by_log for row in np.flatnonzero(one.is_new).tolist()]
     new_heard = _new_detections(session, order.robot, heard)
+    new_states, same_states = held_states(session, order.robot, states)
     words = [word for one in by_log for word in one.words]
     counts = {
-        "new": len(new) + len(new_heard),
+        "new": len(new) + len(new_heard) + len(new_states),
         "duplicate": sum(int(one.is_same.sum()) for one in by_log)
-        + (len(heard) - len(new_heard) + order.card.repeated),
+        + (len(heard) - len(new_heard) + len(same_states) + order.card.repeated),
         "differs": sum(int(one.differs.sum()) for one in by_log),
     }
-    changed = [one.measured_at for one in (*new, *new_heard, *words)]
-    told = [one.measured_at for one in (*samples, *heard)]
+    changed = [one.measured_at for one in (*new, *new_heard, *new_states, *words)]
+    told = [one.measured_at for one in (*samples, *heard, *states)]
     deployments = _noted(session, order, told, changed, counts, len(faults))
-    for begin in range(0, len(new), _BATCH):
+    rows = [*new, *new_heard, *new_states]
+    for begin in range(0, len(rows), _BATCH):
         go_on()
-        append_telemetry(session, new[begin : begin + _BATCH])
-    append_telemetry(session, new_heard)
+        append_telemetry(session, rows[begin : begin + _BATCH])
+    complete_states(session, robot_key(session, order.robot), same_states)
     keep_card_words(session, words, order.at)
     _say(session, order, deployments, counts, len(faults))
     return KeptCard(
@@ -166,12 +178,11 @@ def _judged(
     """Return what can be true, dated as a person decided, and what cannot."""
     catalogue = catalogue_in(session)
     means_else = _Meaning(session, order.robot, catalogue)
-    shift = timedelta(seconds=order.clock_offset_s or 0.0)
     samples: list[Sample] = []
     heard: list[Detection] = []
     faults = list(order.card.faults)
     for one in order.card.entries:
-        at = one.entry.measured_at - shift
+        at = one.entry.measured_at - order.shift
         if isinstance(one.entry, HeardTag):
             detection = _detection(order, one.key, one.entry, at)
             fault = fault_of_detection(detection, site, order.at, order.speed)

@@ -29,13 +29,13 @@ from server.recording.foreign import (
     run_confirmed,
 )
 from server.recording.foreign_task import ReadOrder
+from server.recording.keep import ROBOT_ID
 from server.recording.kept_mapping import (
     TEMPLATES,
     MappingTakenError,
     refuse_taken,
     templates_in,
 )
-from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
 from server.recording.upload import forget_upload, keep_upload, upload_place
 from server.recording_file.mapping import Mapping

@@ -141,7 +141,14 @@ def _read(
 
 def _proposed_card(card: Card) -> dict[str, Any]:
     logs = len({one.key.log for one in card.entries})
-    times = [one.entry.measured_at for one in card.entries]
+    times = card.times
+    notes = [
+        f"The card of a robot of ours: {len(card.entries):,} measurements of {logs:,} logs and "
+        f"{len(card.states):,} states, {min(times):%Y-%m-%d %H:%M} to "
+        f"{max(times):%Y-%m-%d %H:%M}Z by its clock."
+    ]
+    if card.left_out:
+        notes.append(f"Not read: {', '.join(card.left_out)}.")
     return {
         "format": CARD,
         "files": list(card.files),
@@ -150,10 +157,7 @@ def _proposed_card(card: Card) -> dict[str, Any]:
         "mapping": Mapping(columns=()).model_dump(mode="json"),
         "columns": [],
         "missing": [],
-        "notes": [
-            f"The card of a robot of ours: {len(card.entries):,} measurements of {logs:,} logs, "
-            f"{min(times):%Y-%m-%d %H:%M} to {max(times):%Y-%m-%d %H:%M}Z by its clock."
-        ],
+        "notes": notes,
         "flight": [],
         "template": "",
         "template_at": "",

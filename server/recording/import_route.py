@@ -13,7 +13,7 @@ from server.base.job import JobProgress, kept_upload
 from server.base.text import shown
 from server.base.view import View
 from server.recording.intake import ImportOrder, ImportResult, run_import
-from server.recording.robot_id import ROBOT_ID
+from server.recording.keep import ROBOT_ID
 from server.recording.table import Policy
 
 router = APIRouter(prefix="/api/imports", tags=["data"])

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -31,6 +31,8 @@ from server.base.channels import catalogue_in
 from server.recording.merge import Merge, keep, merge
 from server.recording.table import Recording
 
+ROBOT_ID: Final = r"^[a-z0-9][a-z0-9-]{0,39}$"
+"""What a robot may be called: it stands in addresses, file names and commands."""
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MARGIN_M = 1.0
 _BLOCK_BYTES = 1 << 20

@@ -84,7 +84,7 @@ def merge(
         has_new[rows] |= found.known < 0
         has_other[rows] |= found.differs
     state_us, flown = imported.known_states(session, robot_key, int(at_us[0]), int(at_us[-1]))
-    nearest = _nearest(state_us, at_us)
+    nearest = nearest_state(state_us, at_us)
     is_known = nearest >= 0
     status = np.where(has_value, np.where(has_new, _NEW, _SAME), np.where(is_known, _SAME, _NEW))
     other = has_other | _flies_otherwise(recording.flight, flown, nearest)
@@ -180,7 +180,7 @@ def _note_other(session: Session, merged: Merge, one: _Series, received_us: int)
     )
 
 
-def _nearest(state_us: IntArray, at_us: IntArray) -> IntArray:
+def nearest_state(state_us: IntArray, at_us: IntArray) -> IntArray:
     """Return the index of the state of the same millisecond, -1 without one, shape ``(n,)``."""
     if not len(state_us):
         return np.full(len(at_us), -1, dtype=np.int64)

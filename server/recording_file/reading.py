@@ -71,6 +71,9 @@ def read_files(files: Sequence[NamedFile], folder: Path, tell: Tell) -> RawRecor
             raise UnreadableError(f"{name} has more than {FILE_BYTES_MAX >> 30} GiB.")
         by_kind.setdefault(kind_of(name, path), []).append((name, path))
     caches = {Path(name).stem.lower(): path for name, path in by_kind.pop("cache", [])}
+    if "card" in by_kind and by_kind.keys() <= {"card", "text"}:
+        left_out = [name for name, _ in by_kind.get("text", [])]
+        return read_card(sorted(by_kind["card"]), tell, left_out)
     if len(by_kind) > 1:
         kinds = ", ".join(f"{group[0][0]} ({kind})" for kind, group in sorted(by_kind.items()))
         raise UnreadableError(f"Files of several kinds are several imports: {kinds}.")
@@ -81,8 +84,6 @@ def read_files(files: Sequence[NamedFile], folder: Path, tell: Tell) -> RawRecor
         return read_pair(sorted(group), caches, tell)
     if kind == "netcdf":
         return _read_netcdf(sorted(group), tell)
-    if kind == "card":
-        return read_card(sorted(group), tell)
     if len(group) > 1:
         raise UnreadableError(f"{len(group)} tables are {len(group)} imports; send one at a time.")
     name, path = group[0]

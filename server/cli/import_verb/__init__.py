@@ -20,8 +20,8 @@ from server.cli.failure import CommandError
 from server.cli.import_verb.foreign import run_foreign
 from server.cli.option import add_data_option, add_remote_options
 from server.recording import intake
+from server.recording.keep import ROBOT_ID
 from server.recording.map_fit import run as fit_maps
-from server.recording.robot_id import ROBOT_ID
 from server.recording.table import FLIGHT_COLUMNS, Policy
 
 

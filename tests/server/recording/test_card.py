@@ -1,5 +1,6 @@
 """A recovered card joins telemetry by log and number: each measurement is kept once."""
 
+import math
 import random
 from dataclasses import replace
 from datetime import timedelta
@@ -15,8 +16,10 @@ from db.query.fleet.robots import add_robot
 from db.query.measured.detections import detections
 from db.query.measured.merged_rows import iterate_rows
 from db.query.measured.samples import sample_columns
+from db.query.measured.telemetry import history, track
 from db.store import Store
 from onboard.link.sample_file import FileSampleLog
+from onboard.log import FileLog
 from robot_link.mavlink import telemetry
 from robot_link.messages import LogId, RobotId
 from robot_link.sample_log import HeardTag, Measurement
@@ -26,7 +29,8 @@ from server.delivery.files import mode_of
 from server.recording.card import CardOrder, CardRefusedError, keep_card, travelled
 from server.recording_file.card import Card, read_card
 from server.recording_file.raw import UnreadableError
-from tests.db.conftest import START, robot_record, sample
+from server.recording_file.reading import read_files
+from tests.db.conftest import START, report, robot_record, sample
 
 LOG = LogId(7)
 AT = START + timedelta(days=1)
@@ -231,3 +235,28 @@ def test_what_a_wire_makes_of_a_value_is_the_same_value(value):
     assert travelled(card, card)[0]
     if abs(value) > 1e-30:
         assert not travelled(card, np.array([single * 1.001]))[0]
+
+
+def test_the_track_on_a_card_fills_what_telemetry_did_not_tell(store, tmp_path):
+    log = FileLog(tmp_path / "log", START)
+    for number in range(12):
+        log.track(report(5 * number, 0.1 + 0.01 * number))
+    log.close()
+    (path,) = (tmp_path / "log").glob("track-*.csv")
+    told(store, [report(0, 0.123456789), replace(report(15), pitch_rad=math.nan)])
+    with path.open("a") as file:
+        file.write("2026-11-21T04:")
+    files = [("track.csv", path), ("samples", card_file(tmp_path, [measurement(0)]))]
+    files.append(("events.txt", next((tmp_path / "log").glob("events-*"))))
+    card = read_files(files, tmp_path, lambda share: None)
+    assert card.left_out == ("events.txt",)
+    assert [one.reason for one in card.faults] == ["the line is not whole"]
+    assert counts(joined(store, card, skips_faults=True)) == (11, 2, 0, 1)
+    assert counts(joined(store, card, skips_faults=True)) == (0, 13, 0, 1)
+    with store.read() as session:
+        points = track(session, "mini-1").points
+        pitch = history(session, "mini-1", "pitch_rad", START, AT)
+    assert len(points) == 12
+    assert points[0].position_ned[2] == 0.123456789
+    assert len(pitch.value) == 12
+    assert all(map(math.isfinite, pitch.value))
