@@ -61,6 +61,8 @@ AREAS = {
     "stored": "benchmarks.station.stored",
     "samples": "benchmarks.station.samples",
     "decisions": "benchmarks.station.decisions",
+    "delivery": "benchmarks.station.delivery",
+    "replay": "benchmarks.station.replay",
 }
 """The module that measures each, in the order of the table."""
 OUTPUT = Path("build/bench.json")
