@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 import zipfile
 from dataclasses import replace
 from datetime import timedelta
@@ -16,6 +17,7 @@ from db.query.measured.quality import ManualFlag
 from db.query.station.events import add_event
 from db.store import Store
 from server.delivery import file_task
+from server.delivery.file_task import kept_path
 from server.delivery.judged import WorkCancelledError
 from server.delivery.package import task as package_task
 from server.delivery.package.order import EarlierFile, PackageOrder
@@ -183,6 +185,34 @@ def test_a_disk_without_room_is_said_and_nothing_is_kept(asked, monkeypatch):
     with pytest.raises(ValueError, match=r"the disk did not take the delivery.*make room"):
         package_task.run(order, lambda _: None, lambda: False)
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("part", ["table", "file", "ZIP"])
+def test_a_disk_that_fills_while_a_part_is_written_keeps_nothing_of_it(asked, packed, part):
+    """The system refuses to let any file grow beyond a size, as a full disk does."""
+    resource = pytest.importorskip("resource", reason="the system has no limits of files")
+    kept, path = packed
+    with zipfile.ZipFile(path) as archive:
+        rows = archive.getinfo(f"{TOP}/data/csv/samples.csv").file_size
+    folder = asked.file.folder.parent / f"no room for a {part}"
+    order = replace(asked, file=replace(asked.file, folder=folder))
+    whole = set()
+    if part == "ZIP":  # its file was written before
+        whole = {kept_path(folder, kept.file.sha256)}
+        folder.mkdir()
+        shutil.copy(kept_path(asked.file.folder, kept.file.sha256), folder)
+        earlier = EarlierFile("file-1", kept.file, kept.file_order.written_at, "")
+        order = replace(order, earlier=earlier)
+    size = {"table": rows // 2, "file": kept.file.bytes // 2, "ZIP": kept.file.bytes}[part]
+    said = "file" if part == "file" else "delivery"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        with pytest.raises(ValueError, match=rf"the disk did not take the {said} .*make room"):
+            package_task.run(order, lambda _: None, lambda: False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert set(folder.iterdir()) == whole
 
 
 def table(archive, name):
