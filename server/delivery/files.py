@@ -1,11 +1,11 @@
 """Files of deployments: which may be written, who wrote them, what the checks say."""
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
@@ -25,6 +25,7 @@ from server.base.configuration_kind import find_kind
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import FieldError, conflict, unprocessable
+from server.base.settings import Settings
 from server.base.study import worked_out
 from server.delivery import file_task
 from server.delivery.file_order import FileOrder
@@ -36,6 +37,7 @@ JOB = "file"
 FOLDER: Final = "delivery"
 """Of the data folder."""
 SIGNED: Final = ("reviewed", "delivered")
+Order = TypeVar("Order")
 
 
 def mode_of(record: DeploymentRecord) -> str:
@@ -69,15 +71,27 @@ def reviewed_rules(session: Session, record: DeploymentRecord) -> QualityRules:
     return QualityRules.model_validate(kind.default.model_dump() if held is None else held.value)
 
 
-def order_of(
-    session: Session,
-    deployment: str,
-    *,
-    database_url: str,
-    data_dir: Path,
-    no_better_data: bool,
-    at: datetime,
-) -> FileOrder:
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """Of which deployment something is wanted, and where and when it is written."""
+
+    deployment: str
+    no_better_data: bool
+    """Whether somebody confirms that nothing better exists than telemetry."""
+    at: datetime
+    database_url: str
+    data_dir: Path
+
+    @classmethod
+    def of(
+        cls, deployment: str, settings: Settings, at: datetime, *, no_better_data: bool
+    ) -> "Wish":
+        """Return a wish of somebody whose station has these settings."""
+        url, folder = settings.resolved_database_url, settings.data_dir
+        return cls(deployment, no_better_data, at, url, folder)
+
+
+def order_of(session: Session, wish: Wish) -> FileOrder:
     """Return what is to be written of a deployment now.
 
     Raises:
@@ -85,18 +99,19 @@ def order_of(
         Problem: 409 if it has not begun or is void; 422 with the path of each field that the
             metadata lack.
     """
+    deployment = wish.deployment
     record = get_deployment(session, deployment)
     if record.void_reason:
         raise conflict(f"{deployment} is void: {record.void_reason}")
     mode = mode_of(record)
     rules = reviewed_rules(session, record) if mode == "D" else None
-    wanted = wanted_of(session, deployment, database_url, smoothed=mode == "D", rules=rules)
+    wanted = wanted_of(session, deployment, wish.database_url, smoothed=mode == "D", rules=rules)
     metadata = metadata_of(session, record.robot)
     errors = [
         FieldError(loc=["metadata", *path.split(".")], msg=f"{title}: must be filled in")
         for path, title in metadata.missing()
     ]
-    if mode == "D" and record.kind == "live" and not no_better_data:
+    if mode == "D" and record.kind == "live" and not wish.no_better_data:
         words = "confirm that no better data exist: nothing was recovered from the robot's card"
         errors.append(FieldError(loc=["no_better_data"], msg=words))
     if errors:
@@ -114,9 +129,9 @@ def order_of(
         manual=tuple(manual_flags(session, deployment)),
         mode=mode,
         signed_by=str(review.get("by", "")) if mode == "D" else "",
-        written_at=at,
+        written_at=wish.at,
         software=f"grace-ground-station {version('grace-ground-station')}",
-        folder=data_dir / FOLDER,
+        folder=wish.data_dir / FOLDER,
         earlier=str(before[0].document["history"]) if before else "",
     )
 
@@ -182,8 +197,51 @@ def _document(order: FileOrder, kept: KeptFile) -> Mapping[str, Any]:
     }
 
 
-Writing = JobPerKey[str]
-"""Jobs that write something of a deployment, one at a time of each."""
+class Writing:
+    """Jobs that write something of a deployment, one at a time of each.
+
+    Belongs to one event loop.
+    """
+
+    def __init__(self, foundation: Foundation, kind: str) -> None:
+        self._foundation = foundation
+        self._jobs = JobPerKey[str](foundation.jobs, kind)
+
+    def job(self, deployment: str) -> str | None:
+        """Return the id of the job that writes something of a deployment, if one does."""
+        return self._jobs.get(deployment)
+
+    async def start(
+        self,
+        deployment: str,
+        order_of: Callable[[Session, Wish], Order],
+        work: Callable[[Order, JobProgress], Awaitable[Mapping[str, Any]]],
+        *,
+        no_better_data: bool,
+        by: str,
+    ) -> str:
+        """Begin to write what an order says, which is made now; return the id of the job.
+
+        Raises:
+            Problem: 409 if something is being written of the deployment; else what ``order_of``
+                raises.
+        """
+        foundation = self._foundation
+        at = foundation.clock.now()
+        wish = Wish.of(deployment, foundation.settings, at, no_better_data=no_better_data)
+        order, robot = await foundation.store.query(
+            lambda session: (
+                order_of(session, wish),
+                get_deployment(session, deployment).robot,
+            )
+        )
+        return await self._jobs.start_alone(
+            deployment,
+            lambda progress: work(order, progress),
+            refusal=f"A file of {deployment} is being written; wait for it, or cancel it.",
+            by=by,
+            robot=robot,
+        )
 
 
 class FileResult(TypedDict):
@@ -208,24 +266,12 @@ class DeliveryFiles:
             Problem: 409 if it has not begun, is void, or something is being written of it; 422
                 for what the metadata lack.
         """
-        foundation = self._foundation
-        at = foundation.clock.now()
-        order = await foundation.store.query(
-            lambda session: order_of(
-                session,
-                deployment,
-                database_url=foundation.settings.resolved_database_url,
-                data_dir=foundation.settings.data_dir,
-                no_better_data=no_better_data,
-                at=at,
-            )
-        )
-        return await self._writing.start_alone(
+        return await self._writing.start(
             deployment,
-            lambda progress: self._work(order, by, progress),
-            refusal=f"A file of {deployment} is being written; wait for it, or cancel it.",
+            order_of,
+            lambda order, progress: self._work(order, by, progress),
+            no_better_data=no_better_data,
             by=by,
-            robot=order.robot.id,
         )
 
     async def _work(self, order: FileOrder, by: str, progress: JobProgress) -> FileResult:

@@ -15,7 +15,7 @@ def install(foundation: Foundation) -> None:
     """Make what judges deployments, writes files of them and packs deliveries."""
     foundation.services.get(Subjects).add_details("flag", "file", "package")
     foundation.services.add(QualityRuns(foundation))
-    writing = Writing(foundation.jobs, JOB)
+    writing = Writing(foundation, JOB)
     foundation.services.add(DeliveryFiles(foundation, writing))
     packages = foundation.services.add(DeliveryPackages(foundation, writing))
     foundation.lifetime.on_load(packages.load)

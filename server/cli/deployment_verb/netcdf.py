@@ -14,7 +14,7 @@ from server.cli.deployment_verb.taken import add_arguments, download, folder_of,
 from server.cli.deployment_verb.word import BY, refusal
 from server.cli.failure import CommandError
 from server.delivery import file_task
-from server.delivery.files import FOLDER, order_of, write_kept
+from server.delivery.files import FOLDER, Wish, order_of, write_kept
 
 ACTION = "netcdf"
 
@@ -56,17 +56,11 @@ def _there(arguments: Namespace, folder: Path) -> tuple[Path, Sequence[Mapping[s
 def _here(arguments: Namespace, folder: Path) -> tuple[Path, Sequence[Mapping[str, Any]]]:
     settings = settings_of(arguments)
     at = clock_of(settings).now()
+    wish = Wish.of(arguments.deployment, settings, at, no_better_data=arguments.no_better_data)
     with open_store(settings) as store:
         try:
             with store.read() as session:
-                order = order_of(
-                    session,
-                    arguments.deployment,
-                    database_url=settings.resolved_database_url,
-                    data_dir=settings.data_dir,
-                    no_better_data=arguments.no_better_data,
-                    at=at,
-                )
+                order = order_of(session, wish)
             target = free(folder / f"{order.identity}.nc")
             kept = file_task.run(order, lambda _: None, lambda: False)
             store.change(lambda session: write_kept(session, order, kept, at, BY)).result()

@@ -11,7 +11,7 @@ from server.cli.data import checked, clock_of, open_remote, open_store, result_o
 from server.cli.deployment_verb.taken import add_arguments, download, folder_of, free
 from server.cli.deployment_verb.word import BY, refusal
 from server.cli.failure import CommandError
-from server.delivery.files import FOLDER
+from server.delivery.files import FOLDER, Wish
 from server.delivery.package import task
 from server.delivery.package.packages import package_order_of, write_package
 
@@ -53,18 +53,11 @@ def _there(arguments: Namespace, folder: Path) -> tuple[Path, str]:
 def _here(arguments: Namespace, folder: Path) -> tuple[Path, str]:
     settings = settings_of(arguments)
     at = clock_of(settings).now()
+    wish = Wish.of(arguments.deployment, settings, at, no_better_data=arguments.no_better_data)
     with open_store(settings) as store:
         try:
             with store.read() as session:
-                order = package_order_of(
-                    session,
-                    arguments.deployment,
-                    database_url=settings.resolved_database_url,
-                    data_dir=settings.data_dir,
-                    no_better_data=arguments.no_better_data,
-                    has_journal=arguments.journal,
-                    at=at,
-                )
+                order = package_order_of(session, wish, has_journal=arguments.journal)
             kept = task.run(order, lambda _: None, lambda: False)
             target = free(folder / kept.name)
             store.change(lambda session: write_package(session, order, kept, at, BY)).result()

@@ -25,7 +25,7 @@ from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.study import worked_out
 from server.delivery.file_task import PART, KeptFile
-from server.delivery.files import FOLDER, Writing, order_of, refuse_changed, write_kept
+from server.delivery.files import FOLDER, Wish, Writing, order_of, refuse_changed, write_kept
 from server.delivery.finding import CheckReport, Finding
 from server.delivery.package import task as package_task
 from server.delivery.package.order import EarlierFile, PackageOrder, words_sha256
@@ -49,30 +49,14 @@ class PackageResult(TypedDict):
     expires_at: str
 
 
-def package_order_of(
-    session: Session,
-    deployment: str,
-    *,
-    database_url: str,
-    data_dir: Path,
-    no_better_data: bool,
-    has_journal: bool,
-    at: datetime,
-) -> PackageOrder:
+def package_order_of(session: Session, wish: Wish, *, has_journal: bool) -> PackageOrder:
     """Return what is to be packed of a deployment now; raises as ``order_of`` does."""
-    file = order_of(
-        session,
-        deployment,
-        database_url=database_url,
-        data_dir=data_dir,
-        no_better_data=no_better_data,
-        at=at,
-    )
+    file = order_of(session, wish)
     words = words_sha256(file)
-    newest = delivery_files(session, deployment, 1)
+    newest = delivery_files(session, wish.deployment, 1)
     same = [one for one in newest if one.document.get("words_sha256") == words]
     earlier = _earlier(same[0]) if same else None
-    return PackageOrder(file, earlier, has_journal, data_dir)
+    return PackageOrder(file, earlier, has_journal, wish.data_dir)
 
 
 def write_package(
@@ -116,7 +100,7 @@ class DeliveryPackages:
 
     def job(self, deployment: str) -> str | None:
         """Return the id of the job that writes something of a deployment, if one does."""
-        return self._writing.get(deployment)
+        return self._writing.job(deployment)
 
     async def start(
         self, deployment: str, *, no_better_data: bool, has_journal: bool, by: str
@@ -128,25 +112,12 @@ class DeliveryPackages:
             Problem: 409 if it has not begun, is void, or something is being written of it; 422
                 for what the metadata lack.
         """
-        foundation = self._foundation
-        at = foundation.clock.now()
-        order = await foundation.store.query(
-            lambda session: package_order_of(
-                session,
-                deployment,
-                database_url=foundation.settings.resolved_database_url,
-                data_dir=foundation.settings.data_dir,
-                no_better_data=no_better_data,
-                has_journal=has_journal,
-                at=at,
-            )
-        )
-        return await self._writing.start_alone(
+        return await self._writing.start(
             deployment,
-            lambda progress: self._work(order, by, progress),
-            refusal=f"A file of {deployment} is being written; wait for it, or cancel it.",
+            lambda session, wish: package_order_of(session, wish, has_journal=has_journal),
+            lambda order, progress: self._work(order, by, progress),
+            no_better_data=no_better_data,
             by=by,
-            robot=order.file.robot.id,
         )
 
     async def load(self) -> None:
