@@ -31,6 +31,7 @@ describe('times', () => {
     expect(age(200_000)).toBe('2 d ago');
     expect(age(100 * 86400)).toBe('3 months ago');
     expect(age(2677 * 86400)).toBe('7 years ago');
+    expect(age(0.4, 'before the cursor')).toBe('<1 s before the cursor');
     expect(age(null)).toBe('never heard');
   });
 

@@ -58,18 +58,24 @@ export function typedUtc(at: number | string): string {
   return dateTime(ms).slice(0, ms % MINUTE_MS === 0 ? 16 : 19);
 }
 
-/** Age of a value; steps of a second, so that it does not flicker. */
-export function age(seconds: number | null): string {
+/**
+ * Age of a value; steps of a second, so that it does not flicker.
+ *
+ * @param than What it is older than: now, or the cursor of a replay.
+ */
+export function age(seconds: number | null, than = 'ago'): string {
   if (seconds === null || !Number.isFinite(seconds)) return 'never heard';
-  if (seconds < 1) return '<1 s ago';
-  if (seconds < 60) return `${Math.floor(seconds)} s ago`;
-  if (seconds < 3600) return `${Math.floor(seconds / 60)} min ago`;
-  if (seconds < 86400) return `${Math.floor(seconds / 3600)} h ago`;
+  return `${lapse(seconds)} ${than}`;
+}
+
+function lapse(seconds: number): string {
+  if (seconds < 1) return '<1 s';
+  if (seconds < 60) return `${Math.floor(seconds)} s`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min`;
+  if (seconds < 86400) return `${Math.floor(seconds / 3600)} h`;
   const days = Math.floor(seconds / 86400);
-  if (days < 60) return `${days} d ago`;
-  return days < 730
-    ? `${Math.floor(days / 30.44)} months ago`
-    : `${Math.floor(days / 365.25)} years ago`;
+  if (days < 60) return `${days} d`;
+  return days < 730 ? `${Math.floor(days / 30.44)} months` : `${Math.floor(days / 365.25)} years`;
 }
 
 /** 45 s, 12 min 05 s, 3 h 20 min */
