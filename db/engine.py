@@ -1,10 +1,13 @@
 """Engines for writing and for reading, and what each database needs to be told."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.engine import URL, Connection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
+from sqlalchemy.orm import Session
 
 from db.fault import DatabaseUrlError
 
@@ -41,6 +44,17 @@ def read_engine(url: str) -> Engine:
         _prepare_sqlite(engine, begin="BEGIN", pragmas=("query_only=ON",))
         return engine
     return engine.execution_options(postgresql_readonly=True, isolation_level="REPEATABLE READ")
+
+
+@contextmanager
+def reading(url: str) -> Generator[Session]:
+    """Open a session of its own that sees one moment of a database and changes nothing."""
+    engine = read_engine(url)
+    try:
+        with Session(engine) as session:
+            yield session
+    finally:
+        engine.dispose()
 
 
 def is_sqlite(engine: Engine) -> bool:

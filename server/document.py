@@ -24,6 +24,7 @@ from server.plan.view import LivePlanView, TransferView
 from server.recording.decision_replays import DecisionReplayResult
 from server.recording.foreign import ImportFaults, ImportReport, RecordingProposal
 from server.recording.intake import ImportRefusal, ImportResult
+from server.replay.film.films import FilmResult
 from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
 from server.system.event_route import EventView
@@ -46,6 +47,7 @@ JOB_RESULTS: tuple[type[Any], ...] = (
     FileResult,
     PackageResult,
     DecisionReplayResult,
+    FilmResult,
 )
 """What jobs leave, of those that a program may want to read."""
 _REF = "#/components/schemas/{model}"

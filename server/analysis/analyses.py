@@ -14,7 +14,7 @@ from server.base.foundation import Foundation
 from server.base.job import JobError
 from server.base.problem import Problem
 from server.base.study import worked_out
-from server.delivery.judged import IsCancelled
+from server.base.worker import IsCancelled
 
 HERE_MAX: Final = 100_000
 """Deployments of more samples are read in a worker."""

@@ -10,10 +10,12 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.profile.dive import Dive
 from autonomy.seawater import sigma0
+from db.engine import reading
 from db.query.measured.battery import charge_told
 from server.analysis.column import Columns, Flags, Flown, Table, dives_in, read_columns, read_table
 from server.analysis.question import CONSERVATIVE, SALINITY, Question, Series
-from server.delivery.judged import DEPTH, IsCancelled, Report, reading
+from server.base.worker import IsCancelled, Report
+from server.delivery.judged import DEPTH
 
 DIVES_TASK: Final = f"{__name__}:run_dives"
 ROWS_TASK: Final = f"{__name__}:run_rows"

@@ -16,7 +16,8 @@ from db.column import microseconds
 from db.query.measured.merged_rows import RowBlock
 from db.query.measured.quality import ManualFlag, flag_spans, manual_flags, newest_quality_run
 from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question, Series
-from server.delivery.judged import DEPTH, IsCancelled, blocks_of
+from server.base.worker import IsCancelled
+from server.delivery.judged import DEPTH, blocks_of
 
 APART_US: Final = 10_000_000
 """Two values of a series that are farther apart in time say nothing of a moment between them."""

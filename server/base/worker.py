@@ -27,7 +27,14 @@ _ENDED = "The working process ended unexpectedly; nothing was changed."
 Withdrawn = tuple[Any, int | None]
 """A task's result, and the number of the question whether to stop that was answered with yes first;
 ``None`` where none was."""
+Report = Callable[[tuple[float, str]], None]
+"""Tells how far a task is, 0 .. 1, and what it is at."""
+IsCancelled = Callable[[], bool]
 T = TypeVar("T")
+
+
+class WorkCancelledError(Exception):
+    """Raised by a task: whoever asked for the work wants it no more."""
 
 
 class WorkerTaskError(Exception):

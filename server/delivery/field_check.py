@@ -15,8 +15,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
+from server.base.worker import IsCancelled, WorkCancelledError
 from server.delivery.finding import CheckReport, Finding
-from server.delivery.judged import IsCancelled, WorkCancelledError
 
 SUITES: Final[Mapping[str, tuple[str, ...]]] = {
     "og:1.0": ("check_variables_og1_url",),

@@ -11,10 +11,12 @@ import netCDF4
 import numpy as np
 from sqlalchemy.orm import Session
 
+from db.engine import reading
+from server.base.worker import IsCancelled, Report
 from server.delivery.field_check import field_checks
 from server.delivery.file_order import FileOrder
 from server.delivery.finding import CheckReport, Finding
-from server.delivery.judged import IsCancelled, Judged, Report, blocks_of, judged, reading
+from server.delivery.judged import Judged, blocks_of, judged
 from server.delivery.og1_channel import file_variable
 from server.delivery.og1_file import NO_PLACE, Written, write_file
 from server.delivery.own_check import own_checks

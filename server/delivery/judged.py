@@ -1,8 +1,7 @@
 """The rows of a deployment with their flags, as workers make them."""
 
 from collections import defaultdict
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -21,22 +20,16 @@ from autonomy.quality.judgement import (
 )
 from autonomy.quality.rules import QualityRules, SeriesRule
 from db.column import microseconds, moment
-from db.engine import read_engine
 from db.query.fleet.deployments import DeploymentRecord
 from db.query.measured.derived import derived_columns
 from db.query.measured.merged_rows import RowBlock, iterate_rows
 from db.query.measured.quality import ManualFlag, QualityStretch
+from server.base.worker import IsCancelled, WorkCancelledError
 
 _CHANNEL = "channel:"
 """Before the key of a channel, which may be called like a column of another kind."""
 POSITION, DEPTH = "position", "depth"
 """Series beside those of the channels."""
-Report = Callable[[tuple[float, str]], None]
-IsCancelled = Callable[[], bool]
-
-
-class WorkCancelledError(Exception):
-    """Whoever asked for the work wants it no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +98,6 @@ class Judged:
             for rows in [np.flatnonzero(self.told[series])]
             for one in stretches(judgement)
         ]
-
-
-@contextmanager
-def reading(database_url: str) -> Generator[Session]:
-    """Open a session that sees one moment of a station's database and changes nothing."""
-    engine = read_engine(database_url)
-    try:
-        with Session(engine) as session:
-            yield session
-    finally:
-        engine.dispose()
 
 
 def blocks_of(session: Session, wanted: Wanted, is_cancelled: IsCancelled) -> Generator[RowBlock]:

@@ -21,17 +21,9 @@ from autonomy.quality import phase as phases
 from autonomy.quality.flag import OG1_FILL, FlagArray
 from db.query.measured.merged_rows import RowBlock
 from robot_link.messages import RobotMode
+from server.base.worker import IsCancelled, Report
 from server.delivery.file_order import FileOrder
-from server.delivery.judged import (
-    DEPTH,
-    POSITION,
-    IsCancelled,
-    Judged,
-    Report,
-    add_rows,
-    blocks_of,
-    places_of,
-)
+from server.delivery.judged import DEPTH, POSITION, Judged, add_rows, blocks_of, places_of
 from server.delivery.og1_channel import FileVariable, file_variable, vocabulary
 from server.delivery.og1_header import Extent, write_header
 

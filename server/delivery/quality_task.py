@@ -3,8 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from db.engine import reading
 from db.query.measured.quality import QualityStretch
-from server.delivery.judged import IsCancelled, Report, Wanted, judged, reading
+from server.base.worker import IsCancelled, Report
+from server.delivery.judged import Wanted, judged
 
 TASK = f"{__name__}:run"
 STRETCHES_MAX = 200_000

@@ -132,7 +132,7 @@ class ReplayScenes:
         await self._make_room()
         status = self._fleet.status(robot)
         recorded: Recorded = await self._foundation.store.query(
-            lambda session: recorded_around(session, status, at, now)
+            lambda session: recorded_around(session, status.record, at, now)
         )
         vehicle = self._vehicles.find(status.record.model)
         hull = Hull() if vehicle is None else vehicle.hull

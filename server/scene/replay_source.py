@@ -16,12 +16,13 @@ from autonomy.site import Area, Site
 from autonomy.vehicle.hull import Hull
 from db.deployment_span import Period
 from db.query.fleet.deployments import deployment_at
+from db.query.fleet.robots import RobotRecord
 from db.query.measured.maps import get_maps, map_times
 from db.query.measured.moment import KnownThen, known_then
 from db.query.measured.telemetry import Track, leg_flown, track
 from db.query.mission.plans import plan_on_board_at
 from robot_link.messages import RobotId, RobotMode
-from server.fleet.status import PlanInHand, RobotStatus
+from server.fleet.status import PlanInHand
 from server.fleet.trail import DRIFT_MODES
 from server.map.record import view_of
 from server.plan.ledger import in_hand
@@ -69,13 +70,12 @@ class Recorded:
         )
 
 
-def recorded_around(session: Session, status: RobotStatus, at: datetime, now: datetime) -> Recorded:
+def recorded_around(session: Session, record: RobotRecord, at: datetime, now: datetime) -> Recorded:
     """Read what is drawn of the deployment that a moment belongs to.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    record = status.record
     deployment = deployment_at(session, record.id, at)
     if deployment is None:
         period, site = Period(at - _AROUND, at + _AROUND), record.site
@@ -259,17 +259,20 @@ class ReplaySource:
         """Return nothing: what was predicted then is not kept."""
         return None
 
+    def known(self) -> IntArray:
+        """Return which points of the track were known at the moment, by their places in it."""
+        moment = self._moment
+        if moment is None:
+            return np.empty(0, np.int64)
+        until = moment.at.timestamp()
+        is_known = self._measured_s <= until
+        if moment.clock == "received":
+            is_known &= self._received_s <= until
+        return np.flatnonzero(is_known)
+
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the way from what is drawn on, or the whole way until then if that goes back."""
-        way, moment = self._recorded.track, self._moment
-        wanted = np.empty(0, np.int64)
-        if moment is not None:
-            until = moment.at.timestamp()
-            is_known = self._measured_s <= until
-            if moment.clock == "received":
-                is_known &= self._received_s <= until
-            wanted = np.flatnonzero(is_known)
-        drawn = self._drawn
+        way, drawn, wanted = self._recorded.track, self._drawn, self.known()
         goes_on = cursor > 0 and np.array_equal(wanted[: len(drawn)], drawn)
         self._drawn = wanted
         new = wanted[len(drawn) :] if goes_on else wanted

@@ -3,9 +3,11 @@
 import base64
 import gzip
 import hashlib
+import json
 import re
 from collections.abc import Mapping
 from functools import cache
+from html import escape
 from pathlib import Path
 from types import MappingProxyType
 
@@ -24,6 +26,10 @@ _THEN = """
   pointer-events: none; }
 """
 """The mark of a view of the past, across its upper edge."""
+_QUIET = """
+.mantine-Notification-root[style*="orange"] { display: none !important; }
+"""
+"""A film does not tell that no graphics processor draws it."""
 _BARE = """
 .mantine-Paper-root,
 .mantine-Notification-root[style*="orange"] { display: none !important; }
@@ -77,6 +83,23 @@ def policy() -> str:
             "frame-ancestors 'self'",
         )
     )
+
+
+def recorded_page(recording: bytes, mark: str) -> bytes:
+    """Return viser's page with a recording in it, which any browser plays without a station.
+
+    Args:
+        recording: As viser serializes it.
+        mark: Stands across the upper edge.
+    """
+    data = base64.b64encode(recording).decode()
+    head = (
+        f"<style>{_GROUND}{_THEN}{_QUIET}</style><script>window.__VISER_EMBED_DATA__={json.dumps(data)};"
+        "window.__VISER_EMBED_CONFIG__={darkMode:true};</script>"
+    )
+    content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
+    content = content.replace(b"<head>", f"<head>{head}".encode(), 1)
+    return content.replace(b"<body>", f'<body><div id="then">{escape(mark)}</div>'.encode(), 1)
 
 
 def _html(*, is_framed: bool) -> bytes:

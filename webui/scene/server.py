@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
+from viser.infra import StateSerializer
+
+from autonomy.frames import ned_to_enu
 from webui.scene.comparison import Comparison
 from webui.scene.door import PrivateServer
 from webui.scene.field_map import FieldMap
@@ -19,7 +23,7 @@ from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
 from webui.scene.surroundings import draw_surroundings, write_depth
 from webui.scene.target import Target
-from webui.scene.track import Track
+from webui.scene.track import CHUNK_POINTS, Track
 from webui.scene.view import SceneChange, SceneState
 
 
@@ -31,7 +35,7 @@ class RobotScene:
     it checks who asks, and lets nothing in but what ``admitted`` returns.
     """
 
-    def __init__(self, source: SceneSource) -> None:
+    def __init__(self, source: SceneSource, track_chunk: int = CHUNK_POINTS) -> None:
         self._source = source
         self._private = PrivateServer(source.title)
         self._server = self._private.viser
@@ -44,7 +48,7 @@ class RobotScene:
         self._stage = Stage(scene, projection)
         draw_surroundings(self._stage, source.site)
         self._robot = RobotModel(scene, projection, source.hull)
-        self._track = Track(self._stage, source)
+        self._track = Track(self._stage, source, track_chunk)
         self._plan = PlannedTrajectory(self._stage, source)
         self._map = FieldMap(self._stage, source)
         self._samples = Samples(self._stage, source)
@@ -122,6 +126,16 @@ class RobotScene:
         """Let everybody see something else; call it from the thread of ``update``."""
         self._panel.change(change)
         self.update()
+
+    def record(self) -> StateSerializer:
+        """Begin to record what is drawn now and what changes from now on."""
+        return self._server.get_scene_serializer()
+
+    def caption(self, text: str) -> None:
+        """Write a line above the water."""
+        water = self._source.site.water
+        above = (water.x_max_m, (water.y_min_m + water.y_max_m) / 2, -0.15 * water.depth_max_m)
+        self._stage.label("caption", text, ned_to_enu(np.array(above)))
 
     def _frame(self) -> None:
         """Let everybody see all of a what-if run that leaves the water, and the water after it."""

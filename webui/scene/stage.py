@@ -133,7 +133,11 @@ class Stage:
         )
 
     def label(self, name: str, text: str, enu_m: FloatArray) -> None:
-        """Write a short text at a point."""
+        """Write a short text at a point; one that stands there already says another."""
+        known = self._labels.get(name)
+        if known is not None and np.array_equal(known[1], enu_m):
+            known[0].text = text
+            return
         handle = self.scene.add_label(
             f"/world/{name}",
             text,

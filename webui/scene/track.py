@@ -26,8 +26,9 @@ class Track:
     drifted is a layer of its own, which nobody sees who does not ask for it.
     """
 
-    def __init__(self, stage: Stage, source: SceneSource) -> None:
+    def __init__(self, stage: Stage, source: SceneSource, chunk_points: int = CHUNK_POINTS) -> None:
         self._source = source
+        self._chunk_points = chunk_points
         self._cursor = 0
         self._chunks = 0
         self._points: FloatArray = np.empty((0, 3))
@@ -49,10 +50,10 @@ class Track:
         self._points = np.concatenate([self._points, ned_to_enu(piece.position_ned)])
         self._colours = np.concatenate([self._colours, colours])
         self._is_adrift = np.concatenate([self._is_adrift, piece.is_adrift])
-        while len(self._points) > CHUNK_POINTS:
-            self._draw(str(self._chunks), CHUNK_POINTS)
+        while len(self._points) > self._chunk_points:
+            self._draw(str(self._chunks), self._chunk_points)
             self._chunks += 1
-            self._drop(CHUNK_POINTS - 1)
+            self._drop(self._chunk_points - 1)
         self._draw(_TAIL, len(self._points))
 
     def _draw(self, piece: str, end: int) -> None:

@@ -9,18 +9,11 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
+from db.engine import reading
+from server.base.worker import IsCancelled, Report, WorkCancelledError
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import PART, KeptFile, keep_file, kept_path, synced
-from server.delivery.judged import (
-    IsCancelled,
-    Judged,
-    Report,
-    WorkCancelledError,
-    add_rows,
-    blocks_of,
-    judged,
-    reading,
-)
+from server.delivery.judged import Judged, add_rows, blocks_of, judged
 from server.delivery.package.bag import Payload, write_bag
 from server.delivery.package.content import write_content
 from server.delivery.package.order import PackageOrder

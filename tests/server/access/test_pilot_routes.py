@@ -84,6 +84,7 @@ DRAFTS = {
     ("POST", "/api/identifications/{identification}/resume"),
     ("POST", "/api/deployments/{deployment}/delivery"),
     ("POST", "/api/robots/{robot}/decisions/replay"),
+    ("POST", "/api/robots/{robot}/films"),
     ("POST", "/api/imports"),
     ("POST", "/api/imports/uploads"),
     ("POST", "/api/imports/uploads/{upload}"),

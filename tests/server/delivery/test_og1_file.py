@@ -12,10 +12,10 @@ from autonomy.channel import CHANNELS
 from db.query.fleet.robots import add_robot
 from db.query.measured.quality import ManualFlag
 from db.store import Store
+from server.base.worker import WorkCancelledError
 from server.delivery import field_check, file_task
 from server.delivery.field_check import SUITES, field_checks
 from server.delivery.file_task import kept_path
-from server.delivery.judged import WorkCancelledError
 from server.delivery.og1_channel import OF_CHANNEL, TERMS
 from server.delivery.own_check import ATTRIBUTES, VARIABLES, own_checks
 from tests.db.conftest import START, robot_record

@@ -16,9 +16,9 @@ from db.query.fleet.robots import add_robot
 from db.query.measured.quality import ManualFlag
 from db.query.station.events import add_event
 from db.store import Store
+from server.base.worker import WorkCancelledError
 from server.delivery import file_task
 from server.delivery.file_task import kept_path
-from server.delivery.judged import WorkCancelledError
 from server.delivery.package import task as package_task
 from server.delivery.package.order import EarlierFile, PackageOrder
 from server.delivery.package.task import package_path

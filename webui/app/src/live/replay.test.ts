@@ -82,4 +82,10 @@ describe('of a replay', () => {
     expect(await sent('PATCH', '/api/robots/a/view', {})).toBe(false);
     expect(await sent('POST', '/api/alarms/alarm-1/acknowledge', {})).toBe(true);
   });
+
+  test('a film is made of the past, and called off', async () => {
+    expect(await sent('POST', '/api/robots/a/films', {})).toBe(true);
+    expect(await sent('DELETE', '/api/jobs/job-1')).toBe(true);
+    expect(await sent('POST', '/api/jobs/job-1/x', {})).toBe(false);
+  });
 });

@@ -1,11 +1,16 @@
 /** What of a page may leave it while it shows the past: nothing that a robot would be sent. */
 
-/** Paths that change nothing in the water: who is signed in, alarms that are seen, the log book. */
+/**
+ * Paths that change nothing in the water: who is signed in, alarms that are seen, the log book,
+ * films of the past, and work of the station that is called off.
+ */
 const HARMLESS = [
   /^\/api\/session$/,
   /^\/api\/alarms\/[^/]+\/acknowledge$/,
   /^\/api\/logbook\//,
   /^\/api\/robots\/[^/]+\/view\/replay\/[^/]+$/,
+  /^\/api\/robots\/[^/]+\/films$/,
+  /^\/api\/jobs\/[^/]+$/,
 ];
 const COMMAND = /^\/api\/robots\/[^/]+\/commands$/;
 
