@@ -2,12 +2,13 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from typing import Final, TypeVar
 
 from sqlalchemy.orm import Session
 from starlette.requests import Request
 
-from server.analysis import answer
+from server.analysis import answer, kept
 from server.analysis.answer import DivesFound, RowsFound
 from server.analysis.question import Question, about_dives, question_of
 from server.base.foundation import Foundation
@@ -39,12 +40,14 @@ class Analyses:
         limit: int | None = None,
     ) -> Question:
         """Return what is asked; see ``question_of`` for what is refused."""
-        url = self._foundation.settings.resolved_database_url
-        return await self._foundation.store.query(
+        settings = self._foundation.settings
+        url = settings.resolved_database_url
+        question = await self._foundation.store.query(
             lambda session: question_of(
                 session, deployment, url, channels, dives, flag_max=flag_max, limit=limit
             )
         )
+        return replace(question, kept_in=settings.data_dir / kept.FOLDER)
 
     async def dives(self, request: Request, deployment: str) -> DivesFound:
         """Return the dives of a deployment, and what can be asked of it.

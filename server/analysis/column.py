@@ -15,12 +15,15 @@ from autonomy.seawater import conservative_temperature
 from db.column import microseconds
 from db.query.measured.merged_rows import RowBlock
 from db.query.measured.quality import ManualFlag, flag_spans, manual_flags, newest_quality_run
+from server.analysis import kept
 from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question, Series
 from server.base.worker import IsCancelled
 from server.delivery.judged import DEPTH, blocks_of
 
 APART_US: Final = 10_000_000
 """Two values of a series that are farther apart in time say nothing of a moment between them."""
+_VALUE: Final = "value:"
+"""Before the key of a series."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,11 +46,30 @@ class Columns:
 
 
 def read_columns(session: Session, question: Question, is_cancelled: IsCancelled) -> Columns:
-    """Read all rows once, block by block.
+    """Return all rows: as they were kept when they were read last, else read block by block.
 
     Raises:
         WorkCancelledError: Between two blocks.
     """
+    place = kept.place_of(session, question)
+    arrays = kept.load(place)
+    if arrays is None:
+        arrays = _read(session, question, is_cancelled)
+        kept.keep(place, arrays)
+    position = arrays.pop("position")
+    values: dict[str, FloatArray] = {
+        name.removeprefix(_VALUE): one for name, one in arrays.items() if name.startswith(_VALUE)
+    }
+    values[DEPTH] = position[:, 2]
+    if any(one.key == CONSERVATIVE for one in question.series):
+        latitude_deg = question.wanted.deployment.site.origin_latitude_deg
+        values[CONSERVATIVE] = conservative_temperature(
+            values[SALINITY], values[TEMPERATURE], position[:, 2], latitude_deg
+        )
+    return Columns(arrays["at"], position, arrays["fix"], arrays["paced"], values)
+
+
+def _read(session: Session, question: Question, is_cancelled: IsCancelled) -> dict[str, np.ndarray]:
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     for block in blocks_of(session, question.wanted, is_cancelled):
         for name, part in _parts(block, question):
@@ -59,19 +81,17 @@ def read_columns(session: Session, question: Question, is_cancelled: IsCancelled
         shape = (0,) if width is None else (0, width)
         return np.concatenate(found) if found else np.empty(shape, dtype=kind)
 
-    at_us = joined("at", np.int64)
-    position = joined("position", np.float64, 3)
     keys = {one.key for one in question.series} | set(question.wanted.channels)
-    values: dict[str, FloatArray] = {
-        key: joined(f"value:{key}", np.float64) for key in keys - {DEPTH, CONSERVATIVE}
+    return {
+        "at": joined("at", np.int64),
+        "position": joined("position", np.float64, 3),
+        "fix": joined("fix", np.bool_),
+        "paced": joined("paced", np.bool_),
+        **{
+            f"{_VALUE}{key}": joined(f"{_VALUE}{key}", np.float64)
+            for key in sorted(keys - {DEPTH, CONSERVATIVE})
+        },
     }
-    values[DEPTH] = position[:, 2]
-    if CONSERVATIVE in keys:
-        latitude_deg = question.wanted.deployment.site.origin_latitude_deg
-        values[CONSERVATIVE] = conservative_temperature(
-            values[SALINITY], values[TEMPERATURE], position[:, 2], latitude_deg
-        )
-    return Columns(at_us, position, joined("fix", np.bool_), joined("paced", np.bool_), values)
 
 
 def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
@@ -81,7 +101,7 @@ def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
     if question.pace is not None:
         paced |= np.isfinite(block.value[question.pace])
     states = [
-        (f"value:{one.key}", _turned(one, block.state[one.key]))
+        (f"{_VALUE}{one.key}", _turned(one, block.state[one.key]))
         for one in question.series
         if one.kind == "state" and one.key != DEPTH
     ]
@@ -91,7 +111,7 @@ def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
         ("fix", block.has_fix),
         ("paced", paced),
         *states,
-        *((f"value:{key}", values) for key, values in block.value.items()),
+        *((f"{_VALUE}{key}", values) for key, values in block.value.items()),
     ]
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final, Literal
 
 from sqlalchemy.orm import Session
@@ -66,6 +67,8 @@ class Question:
     """Values with a greater flag of OG1.0 are left out."""
     limit: int | None = None
     """Most rows that are told; all if ``None``."""
+    kept_in: Path | None = None
+    """Folder in which columns that were read are kept; nothing is kept without."""
 
 
 def question_of(

@@ -302,6 +302,23 @@ def _reading_series(robot_key: int, channel: str) -> Series:
     )
 
 
+def states_kept(
+    session: Session, robot: str, start: datetime, end: datetime
+) -> tuple[int, datetime | None]:
+    """Return how many states are kept of a time, both ends included, and when the newest came.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    count, newest = session.execute(
+        select(func.count(), func.max(StateRow.received_at)).where(
+            StateRow.robot_key == robot_key(session, robot),
+            StateRow.measured_at.between(start, end),
+        )
+    ).one()
+    return count, newest
+
+
 def track(
     session: Session,
     robot: str,
