@@ -22,6 +22,12 @@ HERE_MAX: Final = 100_000
 _LOOK_S: Final = 0.5
 T = TypeVar("T")
 Find = Callable[[Session, Question, IsCancelled], T]
+OnShare = Callable[[float], None]
+"""Told how far the reading is, 0 .. 1, by work that takes long."""
+
+
+def unheard(_: float) -> None:
+    """Tell nobody how far it is."""
 
 
 class Analyses:
@@ -47,31 +53,42 @@ class Analyses:
                 session, deployment, url, channels, dives, flag_max=flag_max, limit=limit
             )
         )
-        return replace(question, kept_in=settings.data_dir / kept.FOLDER)
+        return replace(
+            question,
+            asked_at=self._foundation.clock.now(),
+            kept_in=settings.data_dir / kept.FOLDER,
+        )
 
-    async def dives(self, request: Request, deployment: str) -> DivesFound:
+    async def dives(
+        self, request: Request, question: Question, on_share: OnShare = unheard
+    ) -> DivesFound:
         """Return the dives of a deployment, and what can be asked of it.
 
         Raises:
             Problem: 503 if the work failed.
         """
-        question = about_dives(await self.question(deployment, [], "", flag_max=4))
-        return await self._found(request, question, answer.find_facts, answer.DIVES_TASK)
+        question = about_dives(question)
+        return await self._found(request, question, answer.find_facts, answer.DIVES_TASK, on_share)
 
-    async def rows(self, request: Request, question: Question) -> RowsFound:
+    async def rows(
+        self, request: Request, question: Question, on_share: OnShare = unheard
+    ) -> RowsFound:
         """Return thinned rows with their statistics.
 
         Raises:
             Problem: 503 if the work failed.
         """
-        return await self._found(request, question, answer.find_rows, answer.ROWS_TASK)
+        return await self._found(request, question, answer.find_rows, answer.ROWS_TASK, on_share)
 
-    async def _found(self, request: Request, question: Question, find: Find[T], task: str) -> T:
+    async def _found(
+        self, request: Request, question: Question, find: Find[T], task: str, on_share: OnShare
+    ) -> T:
         if question.size <= HERE_MAX:
             return await self._foundation.store.query(
                 lambda session: find(session, question, lambda: False)
             )
-        work = worked_out(self._foundation.study_workers, task, question)
+        workers = self._foundation.study_workers
+        work = worked_out(workers, task, question, lambda news: on_share(news[0]))
         try:
             return await _while_wanted(request, work)
         except JobError as error:

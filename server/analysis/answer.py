@@ -12,7 +12,16 @@ from autonomy.profile.dive import Dive
 from autonomy.seawater import sigma0
 from db.engine import reading
 from db.query.measured.battery import charge_told
-from server.analysis.column import Columns, Flags, Flown, Table, dives_in, read_columns, read_table
+from server.analysis.column import (
+    Columns,
+    Flags,
+    Flown,
+    Table,
+    dives_in,
+    read_columns,
+    read_table,
+    untold,
+)
 from server.analysis.question import CONSERVATIVE, SALINITY, Question, Series
 from server.base.worker import IsCancelled, Report
 from server.delivery.judged import DEPTH
@@ -89,13 +98,15 @@ class RowsFound:
     """Absolute salinity, conservative temperature, and sigma0 by temperature, then salinity."""
 
 
-def find_facts(session: Session, question: Question, is_cancelled: IsCancelled) -> DivesFound:
+def find_facts(
+    session: Session, question: Question, is_cancelled: IsCancelled, report: Report = untold
+) -> DivesFound:
     """Find the dives of a deployment, and which series have a value in it.
 
     Raises:
         WorkCancelledError: Between two blocks.
     """
-    columns = read_columns(session, question, is_cancelled)
+    columns = read_columns(session, question, is_cancelled, report)
     flags = Flags(session, question.wanted.deployment.id)
     flown = dives_in(columns, flags.of(DEPTH, columns))
     deployment = question.wanted.deployment
@@ -133,13 +144,15 @@ def find_facts(session: Session, question: Question, is_cancelled: IsCancelled) 
     )
 
 
-def find_rows(session: Session, question: Question, is_cancelled: IsCancelled) -> RowsFound:
+def find_rows(
+    session: Session, question: Question, is_cancelled: IsCancelled, report: Report = untold
+) -> RowsFound:
     """Read some series, sum them up, and thin them.
 
     Raises:
         WorkCancelledError: Between two blocks.
     """
-    table = read_table(session, question, is_cancelled)
+    table = read_table(session, question, is_cancelled, report)
     keys = {one.key for one in question.series}
     has_density = {SALINITY, CONSERVATIVE} <= keys
     return RowsFound(
@@ -156,16 +169,14 @@ def find_rows(session: Session, question: Question, is_cancelled: IsCancelled) -
 
 def run_dives(question: Question, report: Report, is_cancelled: IsCancelled) -> DivesFound:
     """Do ``find_facts`` in a worker process."""
-    del report
     with reading(question.wanted.database_url) as session:
-        return find_facts(session, question, is_cancelled)
+        return find_facts(session, question, is_cancelled, report)
 
 
 def run_rows(question: Question, report: Report, is_cancelled: IsCancelled) -> RowsFound:
     """Do ``find_rows`` in a worker process."""
-    del report
     with reading(question.wanted.database_url) as session:
-        return find_rows(session, question, is_cancelled)
+        return find_rows(session, question, is_cancelled, report)
 
 
 def statistics_of(values: FloatArray) -> Statistics:

@@ -17,11 +17,13 @@ from db.query.measured.merged_rows import RowBlock
 from db.query.measured.quality import ManualFlag, flag_spans, manual_flags, newest_quality_run
 from server.analysis import kept
 from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question, Series
-from server.base.worker import IsCancelled
+from server.base.worker import IsCancelled, Report
 from server.delivery.judged import DEPTH, blocks_of
 
 APART_US: Final = 10_000_000
 """Two values of a series that are farther apart in time say nothing of a moment between them."""
+_READING: Final = 0.95
+"""Part of the work that is done when all rows are read."""
 _VALUE: Final = "value:"
 """Before the key of a series."""
 
@@ -45,7 +47,13 @@ class Columns:
         return self.position_ned[:, 2]
 
 
-def read_columns(session: Session, question: Question, is_cancelled: IsCancelled) -> Columns:
+def untold(_: tuple[float, str]) -> None:
+    """Tell nobody how far it is."""
+
+
+def read_columns(
+    session: Session, question: Question, is_cancelled: IsCancelled, report: Report = untold
+) -> Columns:
     """Return all rows: as they were kept when they were read last, else read block by block.
 
     Raises:
@@ -54,7 +62,7 @@ def read_columns(session: Session, question: Question, is_cancelled: IsCancelled
     place = kept.place_of(session, question)
     arrays = kept.load(place)
     if arrays is None:
-        arrays = _read(session, question, is_cancelled)
+        arrays = _read(session, question, is_cancelled, report)
         kept.keep(place, arrays)
     position = arrays.pop("position")
     values: dict[str, FloatArray] = {
@@ -69,12 +77,19 @@ def read_columns(session: Session, question: Question, is_cancelled: IsCancelled
     return Columns(arrays["at"], position, arrays["fix"], arrays["paced"], values)
 
 
-def _read(session: Session, question: Question, is_cancelled: IsCancelled) -> dict[str, np.ndarray]:
-    parts: dict[str, list[np.ndarray]] = defaultdict(list)
+def _read(
+    session: Session, question: Question, is_cancelled: IsCancelled, report: Report
+) -> dict[str, np.ndarray]:
+    deployment, parts = question.wanted.deployment, defaultdict[str, list[np.ndarray]](list)
+    first_us = microseconds(deployment.begun_at)
+    last_us = microseconds(deployment.last_at or question.asked_at or deployment.begun_at)
     for block in blocks_of(session, question.wanted, is_cancelled):
         for name, part in _parts(block, question):
             # a copy: a view would hold the whole block
             parts[name].append(part.copy())
+        if len(block):
+            share = (int(block.measured_at_us[-1]) - first_us) / max(1, last_us - first_us)
+            report((_READING * min(max(share, 0.0), 1.0), "Reading"))
 
     def joined(name: str, kind: type, width: int | None = None) -> Any:  # noqa: ANN401 - any array
         found = parts.pop(name, [])
@@ -205,7 +220,9 @@ class Table:
         return len(self.at_us)
 
 
-def read_table(session: Session, question: Question, is_cancelled: IsCancelled) -> Table:
+def read_table(
+    session: Session, question: Question, is_cancelled: IsCancelled, report: Report = untold
+) -> Table:
     """Read some series of a deployment, each value at the moments of the one that has fewest.
 
     Others are interpolated in time between two values that are at most ten seconds apart; such a
@@ -215,7 +232,7 @@ def read_table(session: Session, question: Question, is_cancelled: IsCancelled) 
     Raises:
         WorkCancelledError: Between two blocks.
     """
-    columns = read_columns(session, question, is_cancelled)
+    columns = read_columns(session, question, is_cancelled, report)
     flags = Flags(session, question.wanted.deployment.id)
     legs = dives_in(columns, flags.of(DEPTH, columns)).legs
     known = {one.key: flags.of(one.key, columns) for one in question.series}

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Final, Literal
 
@@ -67,6 +68,8 @@ class Question:
     """Values with a greater flag of OG1.0 are left out."""
     limit: int | None = None
     """Most rows that are told; all if ``None``."""
+    asked_at: datetime | None = None
+    """Until when there can be rows of a deployment that lasts."""
     kept_in: Path | None = None
     """Folder in which columns that were read are kept; nothing is kept without."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Generator
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -14,15 +14,17 @@ from db.column import moment
 from db.query.fleet.robots import get_robot
 from db.record import same
 from server.access.dependency import Viewer
-from server.analysis.analyses import Analyses
-from server.analysis.answer import RowsFound
+from server.analysis.analyses import Analyses, OnShare
+from server.analysis.answer import DivesFound, RowsFound
 from server.analysis.export import csv_blocks
+from server.analysis.progress import LINES, answer_with
 from server.analysis.question import Question, Series
 from server.base.dependency import StoreDep, service
 from server.base.problem import FieldError, unprocessable
 from server.base.view import View, encoded, one_of
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
+_AS_LINES: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {LINES: {}}}}
 AnalysesDep = Annotated[Analyses, Depends(service(Analyses))]
 ChannelsQuery = Annotated[
     str,
@@ -160,13 +162,25 @@ class RowsView(View):
     """Where absolute salinity and conservative temperature were asked for."""
 
 
-@router.get("/{deployment}/analysis/dives")
+@router.get("/{deployment}/analysis/dives", response_model=DivesView, responses=_AS_LINES)
 async def list_dives(
     caller: Viewer, request: Request, deployment: str, analyses: AnalysesDep
-) -> DivesView:
-    """Return the dives, found from depths alone, and the series that there are."""
+) -> Response:
+    """Return the dives, found from depths alone, and the series that there are.
+
+    Whoever accepts `application/x-ndjson` is told line by line how far the reading is, as
+    `{"progress": 0.4}`; the last line is `{"answer": ...}`, or `{"problem": "why there is none"}`.
+    """
     del caller
-    found = await analyses.dives(request, deployment)
+    question = await analyses.question(deployment, [], "", flag_max=4)
+
+    async def work(on_share: OnShare) -> Response:
+        return encoded(_dives(await analyses.dives(request, question, on_share)))
+
+    return await answer_with(request, work)
+
+
+def _dives(found: DivesFound) -> DivesView:
     return DivesView(
         dives=[
             same(
@@ -185,7 +199,7 @@ async def list_dives(
     )
 
 
-@router.get("/{deployment}/analysis/rows", response_model=RowsView)
+@router.get("/{deployment}/analysis/rows", response_model=RowsView, responses=_AS_LINES)
 async def list_rows(
     caller: Viewer,
     request: Request,
@@ -199,13 +213,17 @@ async def list_rows(
     """Return series at the moments of the one with fewest values, thinned above a limit.
 
     Others are interpolated between two values that are at most 10 s apart. Statistics and counts
-    are of all chosen rows.
+    are of all chosen rows. Lines that tell how far the reading is can be had as of `dives`.
     """
     del caller
     question = await analyses.question(
         deployment, _keys(channels), dives, flag_max=flag_max, limit=limit
     )
-    return encoded(_rows(question, await analyses.rows(request, question)))
+
+    async def work(on_share: OnShare) -> Response:
+        return encoded(_rows(question, await analyses.rows(request, question, on_share)))
+
+    return await answer_with(request, work)
 
 
 @router.get(

@@ -1,7 +1,9 @@
 """Dives, rows and statistics of a deployment by REST."""
 
+import asyncio
 import csv
 import io
+import json
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -9,7 +11,9 @@ import pytest
 
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from server.access.role import Role
-from server.analysis import analyses
+from server.analysis import analyses, answer
+from server.analysis.progress import LINES
+from server.base.worker import WorkerTaskError
 from tests.server.analysis.conftest import DEEP_M, DIVE_S, DIVES, STEP_OF_CHARGE
 from tests.server.conftest import MINI, api_client
 from tests.server.delivery.test_quality_api import run
@@ -177,6 +181,44 @@ async def test_a_large_deployment_is_read_in_a_worker_with_the_same_outcome(
     monkeypatch.setattr(analyses, "HERE_MAX", 0)
     assert await rows_of(client, flight, channels="temperature,density") == here
     assert await answered(client.get(f"{flight}/analysis/dives")) == dives
+
+
+def lines(answer):
+    assert answer.headers["content-type"] == LINES
+    return [json.loads(line) for line in answer.text.splitlines()]
+
+
+@pytest.mark.parametrize("what", ["dives", "rows?channels=temperature"])
+async def test_how_far_a_long_reading_is_stands_ahead_of_the_same_answer(
+    client, flight, monkeypatch, what
+):
+    path, accept = f"{flight}/analysis/{what}", {"Accept": LINES}
+    plain = await answered(client.get(path))
+    assert lines(await client.get(path, headers=accept)) == [{"answer": plain}]
+    monkeypatch.setattr(analyses, "HERE_MAX", 0)
+
+    async def run_here(pool, task, payload, *, on_progress=None, processor_limit_s=None):
+        work = {answer.ROWS_TASK: answer.run_rows, answer.DIVES_TASK: answer.run_dives}[task]
+        return await asyncio.to_thread(work, payload, told, lambda: False)
+
+    def told(news):
+        loop.call_soon_threadsafe(shares.append, news[0])
+
+    loop, shares = asyncio.get_running_loop(), []
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", run_here)
+    *_, last = lines(await client.get(path, headers=accept))
+    assert last == {"answer": plain}
+    assert shares == sorted(shares)
+    assert 0.0 < shares[-1] <= 1.0
+
+    async def say_and_break(pool, task, payload, *, on_progress=None, processor_limit_s=None):
+        on_progress((0.25, "Reading"))
+        raise WorkerTaskError("the disk broke")
+
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", say_and_break)
+    said = lines(await client.get(path, headers=accept))
+    assert said[0] == {"progress": 0.25}
+    assert said[1:] == [{"problem": "The rows could not be read; try again. the disk broke"}]
 
 
 async def test_what_has_not_begun_has_no_dives_and_who_may_not_look_sees_none(client, station):

@@ -4,6 +4,8 @@ import type { paths } from './generated/station';
 
 type Rows = paths['/api/deployments/{deployment}/analysis/rows']['get']['parameters']['query'];
 
+const LINES = { parseAs: 'stream', headers: { Accept: 'application/x-ndjson' } } as const;
+
 /** Dives and rows of deployments, for figures. */
 export class AnalysisApi {
   readonly #http: Client<paths, 'application/json'>;
@@ -14,12 +16,21 @@ export class AnalysisApi {
 
   dives = (deployment: string) =>
     told(this.#http.GET('/api/deployments/{deployment}/analysis/dives', of({ deployment })));
-  rows = (deployment: string, query: Rows, signal: AbortSignal) =>
+
+  /** The same as lines that tell how far the reading is. */
+  divesLines = (deployment: string) =>
     told(
-      this.#http.GET(
-        '/api/deployments/{deployment}/analysis/rows',
-        of({ deployment }, query, signal),
-      ),
+      this.#http.GET('/api/deployments/{deployment}/analysis/dives', {
+        ...of({ deployment }),
+        ...LINES,
+      }),
+    );
+  rowsLines = (deployment: string, query: Rows, signal: AbortSignal) =>
+    told(
+      this.#http.GET('/api/deployments/{deployment}/analysis/rows', {
+        ...of({ deployment }, query, signal),
+        ...LINES,
+      }),
     );
 }
 
