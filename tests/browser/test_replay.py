@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -124,3 +125,27 @@ def test_the_moment_of_an_alarm_is_replayed_from_the_log_and_nothing_is_sent(
     band.get_by_role("button", name="Back to live").click()
     expect(band).to_have_count(0)
     assert "?at=" not in page.url
+
+
+def test_a_stretch_becomes_a_film_that_plays_without_a_station(
+    browser: Browser, leaky: Demo, desk: Page, tmp_path: Path
+) -> None:
+    open_page(desk, leaky, "/data/mini-1")
+    desk.get_by_role("button", name="Replay", exact=True).click()
+    films = desk.get_by_role("region", name="Films")
+    films.get_by_label("Stretch").select_option("around")
+    films.get_by_label("Lasts").select_option("10 s")
+    films.get_by_role("button", name="Make a film").click()
+    kept = films.get_by_role("link", name=re.compile(r"^SIMULATION_mini-1_.*_page\.html$"))
+    expect(kept).to_be_visible()
+    look(desk, "replay-films")
+    with desk.expect_download() as fetched:
+        kept.click()
+    film = tmp_path / "film.html"
+    fetched.value.save_as(film)
+    page = browser.new_context(offline=True).new_page()
+    page.goto(film.as_uri())
+    expect(page.locator("#then")).to_have_text(re.compile("SIMULATION.*not live$"))
+    expect(page.locator("canvas").first).to_be_visible()
+    page.screenshot(path=SHOTS / "film.png", timeout=240_000)
+    page.context.close()
