@@ -313,10 +313,10 @@ def written_down(tank: Demo, page: Page, lost_at: datetime, journey: Journey) ->
     def told() -> str | None:
         events = tank.get("/api/events", robot=NEAR, kind="robot.contact")["events"]
         texts = [one["text"] for one in events if datetime.fromisoformat(one["at"]) > lost_at]
-        return next((text for text in texts if "heard again after" in text), None)
+        return next((text for text in texts if re.search("heard again by .* after", text)), None)
 
     text = tank.wait("the contact in the log", told, 60.0)
     assert re.search("; (it was under water|why it was not is not known)", text), text
-    open_page(page, tank, f"/log?robot={NEAR}")
+    open_page(page, tank, "/log#events")
     expect(page.get_by_text(text).first).to_be_visible()
     journey.tell("6", "loss, duration and cause in the log", repr(text))
