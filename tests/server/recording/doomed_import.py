@@ -9,6 +9,7 @@ transaction, and one when the transaction is committed. Whoever reads that kills
 import asyncio
 import sys
 from pathlib import Path
+from typing import Any
 
 from db.query.measured import imported
 from server.recording import foreign
@@ -39,11 +40,11 @@ async def main(folder: Path) -> None:
     """Live until the import is over."""
     insert, learn = imported.insert_samples, foreign.learn_maps
 
-    def told(session, samples):
+    def told(session: Any, samples: Any) -> None:
         insert(session, samples)
         say("rows")
 
-    async def committed(*args, **named):
+    async def committed(*args: Any, **named: Any) -> Any:
         say("committed")
         return await learn(*args, **named)
 
