@@ -328,7 +328,8 @@ def look_back(tank: Station, page: Page, journey: Journey) -> None:
     page.get_by_label("folded").uncheck()
     began = page.locator("p").filter(has_text=f"{ROBOT} began a dive").first
     began.get_by_role("link", name="then", exact=True).click()
-    expect(page.get_by_role("region", name="As of a moment")).to_be_visible()
-    expect(page.get_by_text(re.compile("^As of 20"))).to_be_visible()
+    bar = page.get_by_role("region", name="Replay", exact=True)
+    expect(bar.get_by_text(re.compile("^REPLAY 20.*, not live$"))).to_be_visible()
+    told = bar.get_by_text(re.compile("^REPLAY")).inner_text()
     page.screenshot(path=SHOTS / "first-dive-replay.png")
-    journey.tell("7b", "replay", "the log's dive opens its robot as of then")
+    journey.tell("7b", "replay", f"the log's dive opens its robot: {told!r}")

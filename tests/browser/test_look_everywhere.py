@@ -89,7 +89,7 @@ MARK = """() => {
   const isSeen = each => {
     const box = each.getBoundingClientRect();
     return box.width > 0 && box.height > 0 && !each.matches(':disabled') && !each.closest('[inert]')
-      && getComputedStyle(each).visibility !== 'hidden';
+      && each.checkVisibility({ visibilityProperty: true });
   };
   const oneStop = '[role=tablist], [role=toolbar], [role=radiogroup], [role=menu], [role=tree]';
   const isWithin = each => each.tabIndex < 0
