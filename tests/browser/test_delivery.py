@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from tests.browser.test_lost import vees
 from tests.browser.walk import CHROMIUM, SHOTS, browser_page, open_page
-from tests.e2e.demo import Demo
+from tests.e2e.demo import LASTING, Demo
 
 pytestmark = [
     pytest.mark.browser,
@@ -21,6 +22,7 @@ pytestmark = [
 ]
 ROBOT = "grace-1"
 SAMPLES = 60
+CHANNEL = "temperature"
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,7 @@ def deployment(lake):
 
 def test_a_survey_is_ended_flagged_reviewed_packed_and_opened_elsewhere(sheet, lake, tmp_path):
     xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    fly(lake)
     lake.wait("measuring", lambda: deployment(lake)["samples"] >= SAMPLES, 120.0)
     name = deployment(lake)["name"]
     open_page(sheet, lake, f"/robot/{ROBOT}")
@@ -88,13 +91,24 @@ def test_a_survey_is_ended_flagged_reviewed_packed_and_opened_elsewhere(sheet, l
     sheet.screenshot(path=SHOTS / "delivery-report.png", full_page=True)
 
 
+def fly(lake):
+    """Fly two glides down and up, to the end."""
+    lake.wait("a place", lambda: lake.get(f"/api/robots/{ROBOT}/state")["position"], 60.0)
+    lake.patch("/api/config/planner", LASTING, robot=ROBOT)
+    body = {"kind": "primitives", "legs": vees(lake)[:4], "config": {"max_uncertainty_m": 60.0}}
+    plan = lake.post(f"/api/robots/{ROBOT}/plans", body)["id"]
+    lake.wait("a draft", lambda: lake.get(f"/api/plans/{plan}")["state"] == "draft", 120.0)
+    lake.post(f"/api/plans/{plan}/upload", {"start": True})
+    lake.wait("its end", lambda: lake.get(f"/api/plans/{plan}")["state"] == "done", 300.0)
+
+
 def flag_the_second_quarter(lake, quality):
-    """Flag a stretch of chlorophyll by hand; return its ends."""
+    """Flag a stretch of the channel by hand; return its ends."""
     past = next(one for one in lake.get("/api/deployments", robot=ROBOT)["deployments"])
     begin, end = (datetime.fromisoformat(past[key]) for key in ("started_at", "ended_at"))
     first, last = ((begin + (end - begin) * share).replace(microsecond=0) for share in (0.25, 0.5))
     quality.get_by_role("button", name="Flag a stretch").click()
-    quality.get_by_label("Series").select_option("chlorophyll")
+    quality.get_by_label("Series").select_option(CHANNEL)
     for label, at in (("From, UTC", first), ("To, UTC", last)):
         quality.get_by_label(label).fill(f"{at:%Y-%m-%d %H:%M:%S}")
     quality.get_by_label("Reason").fill("A fish lay on the lens.")
@@ -106,8 +120,9 @@ def flag_the_second_quarter(lake, quality):
 def fill_in(sheet, packing):
     """Fill in the form as a data manager would, and store it."""
     packing.get_by_role("button", name="Metadata").click()
-    form = sheet.get_by_role("region", name=re.compile("^Metadata of files"))
-    person = form.get_by_role("group", name="Principal investigator")
+    form = sheet.get_by_role("form", name=re.compile("^Metadata of files"))
+    person = form.locator("details").filter(has_text="Principal investigator").last
+    person.locator("summary").first.click()
     person.get_by_label("Name").fill("Ann, Ben")
     store = form.get_by_role("button", name=re.compile("^Store metadata of files"))
     store.click()
@@ -132,12 +147,12 @@ def assert_equal(data, rows, first, last):
     }
     times = data["TIME"].values.astype("datetime64[us]")
     told = 0
-    for at, value, flag in zip(times, data["CHLA"].values, data["CHLA_QC"].values, strict=True):
+    for at, value, flag in zip(times, data["TEMP"].values, data["TEMP_QC"].values, strict=True):
         if np.isnan(value):
             continue
         row, told = named[str(at)], told + 1
-        assert np.float32(row["chlorophyll_ug_L"]) == value
-        assert int(row["chlorophyll_qc"]) == int(flag)
+        assert np.float32(row[f"{CHANNEL}_degC"]) == value
+        assert int(row[f"{CHANNEL}_qc"]) == int(flag)
         moment = datetime.fromisoformat(row["time_utc"])
         if first <= moment <= last:
             assert flag == 4
