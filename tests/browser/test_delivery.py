@@ -122,7 +122,6 @@ def fill_in(sheet, packing):
     packing.get_by_role("button", name="Metadata").click()
     form = sheet.get_by_role("form", name=re.compile("^Metadata of files"))
     person = form.locator("details").filter(has_text="Principal investigator").last
-    person.locator("summary").first.click()
     person.get_by_label("Name").fill("Ann, Ben")
     store = form.get_by_role("button", name=re.compile("^Store metadata of files"))
     store.click()
