@@ -129,7 +129,7 @@ def fill_in(sheet, packing):
     person.get_by_label("Name").fill("Ann")
     person.get_by_label("E-mail").fill("ann@example.org")
     form.get_by_label("Operating agency").fill("A lake station")
-    form.get_by_label("Licence").select_option(label="CC-BY-4.0")
+    form.get_by_label("Licence").select_option('"CC-BY-4.0"')
     store.click()
 
 
