@@ -68,6 +68,7 @@ def test_a_survey_is_ended_flagged_reviewed_packed_and_opened_elsewhere(sheet, l
     expect(packing.get_by_text("The metadata lack")).to_have_count(0)
     sheet.get_by_role("button", name="Review", exact=True).click()
     sheet.get_by_role("button", name=re.compile("^(Sign|Review)")).last.click()
+    packing.get_by_label(re.compile("^No better data exist")).check()
     packing.get_by_role("button", name="Pack the delivery").click()
     link = packing.get_by_role("link", name=re.compile(r"\.zip$"))
     expect(link).to_be_visible(timeout=400_000)
