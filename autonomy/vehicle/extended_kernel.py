@@ -72,14 +72,44 @@ def _name_attitude(x: FloatArray) -> None:
 
 
 @inner_kernel
-def _stable_parts(x: FloatArray, p: FloatArray, dt_s: float) -> int:
-    """Into how many parts a step must be cut so that the water's pitch damping stays stable."""
-    squared = x[6] * x[6] + x[7] * x[7] + x[8] * x[8]
+def _is_in_contact(x: FloatArray, surroundings: FloatArray) -> bool:
+    """Tell whether still surface, floor or a wall may push a robot."""
+    if x[2] < 0.0 or x[2] > surroundings[7]:
+        return True
+    return surroundings[8] > 0.0 and (
+        x[0] < surroundings[3]
+        or x[0] > surroundings[4]
+        or x[1] < surroundings[5]
+        or x[1] > surroundings[6]
+    )
+
+
+@inner_kernel
+def _stable_parts(
+    x: FloatArray,
+    p: FloatArray,
+    surroundings: FloatArray,
+    time_s: float,
+    dt_s: float,
+    slope: FloatArray,
+) -> int:
+    """Into how many parts a step must be cut so that the water's pitch damping stays stable.
+
+    The damping grows with the speed squared, and a wall may push a robot to several times its speed
+    within a step: in contact, the speed is that at the end of a whole step of Euler's method, if
+    that is larger. ``slope`` is scratch.
+    """
+    speed = math.sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8])
+    if _is_in_contact(x, surroundings):
+        extended_derivative_into(x, 0.0, 0.0, x[14], 0.0, p, surroundings, slope, time_s)
+        v1, v2, v3 = x[6] + dt_s * slope[6], x[7] + dt_s * slope[7], x[8] + dt_s * slope[8]
+        speed = max(speed, math.sqrt(v1 * v1 + v2 * v2 + v3 * v3))
     damping = (
         0.5
         * p[body.WATER_DENSITY]
         * p[body.AREA]
-        * squared
+        * speed
+        * speed
         * abs(p[body.PITCH_DAMPING])
         / p[body.INERTIA_2]
     )
@@ -197,10 +227,11 @@ def advance_into(
     """Advance a state in place as ``advance`` does; the last three are scratch, ``(15,)``."""
     is_metered = x.shape[0] > 15
     for step in range(steps):
-        parts = _stable_parts(x, packed, dt_s)
+        began_s = time_s + step * dt_s
+        parts = _stable_parts(x, packed, surroundings, began_s, dt_s, slope)
         h = dt_s / parts
         for part in range(parts):
-            t = time_s + step * dt_s + part * h
+            t = began_s + part * h
             if abs(math.cos(x[4])) < STEEP_COS_PITCH:
                 squared = _steep_step(x, command, packed, surroundings, t, h)
             else:

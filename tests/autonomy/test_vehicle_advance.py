@@ -165,6 +165,25 @@ def test_a_robot_thrown_through_the_water_slows_down_however_long_the_steps():
         assert np.linalg.norm(slowed[6:9]) < 0.2
 
 
+def test_a_wall_that_pushes_a_robot_does_not_throw_it_however_long_the_steps():
+    """The water's damping grows with the speed that a wall gives a robot within one step."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    rng = np.random.default_rng(seed)
+    fastest = [0.15, 0.1, 0.05, 0.3, 0.3, 0.3]
+    speeds = []
+    for _ in range(2000):
+        east, north = rng.uniform(-0.1, 0.1, 2)
+        tank = Surroundings((north, east, 0.0), -1.5, 1.5, -1.5, 1.5, 1.2, has_walls=True)
+        state = np.zeros(15)
+        state[:3] = rng.uniform([1.2, 1.4, 0.0], [1.5, 1.515, 1.21])
+        state[3:6] = rng.uniform(-1.0, 1.0, 3) * [0.3, 0.6, math.pi]
+        state[6:12] = rng.uniform(-1.0, 1.0, 6) * fastest
+        state[12:] = rng.uniform([-0.02, -0.05, -1.7], [0.02, 0.04, 1.7])
+        command = [*state[12:], 0.0, 0.0]
+        speeds.append(np.linalg.norm(run(MINIGLIDER, state, command, tank, 2.0, dt=0.1)[6:9]))
+    assert max(speeds) < 1.0, seed
+
+
 def test_splitting_a_run_changes_nothing():
     state = floating(MINIGLIDER)
     command = swim_command(MINIGLIDER, 0.2)
