@@ -115,7 +115,8 @@ def order_of(session: Session, wish: Wish) -> FileOrder:
         words = "confirm that no better data exist: nothing was recovered from the robot's card"
         errors.append(FieldError(loc=["no_better_data"], msg=words))
     if errors:
-        raise unprocessable("The file cannot be written yet; no file was written.", errors)
+        why = "; ".join(one.msg for one in errors)
+        raise unprocessable(f"The file cannot be written yet: {why}.", errors)
     known = catalogue_in(session)
     field = current(session, find_kind("field"), record.robot).value_as(FieldConfig)
     review = record.document.get("review") or {}

@@ -1,6 +1,5 @@
 """The rows of a deployment with their flags, as workers make them."""
 
-from collections import defaultdict
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -245,13 +244,15 @@ def _position(
 
 
 class _Columns:
-    """Parts of columns; each is let go of once it is joined, so that no row is held twice."""
+    """Columns that grow in place; each is let go of once it is taken."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, list[np.ndarray]] = defaultdict(list)
+        self._columns: dict[str, np.ndarray] = {}
+        self._count = 0
 
     def add(self, block: RowBlock) -> None:
         """Take what a judgement needs of a block."""
+        end = self._count + len(block)
         for name, part in (
             ("at_us", block.measured_at_us),
             ("north_east", block.position_ned[:, :2]),
@@ -261,10 +262,17 @@ class _Columns:
             ("mode", block.mode),
             *((_CHANNEL + key, values) for key, values in block.value.items()),
         ):
-            # a copy: a view would hold the whole block
-            self._parts[name].append(part.copy())
+            column = self._columns.setdefault(name, np.empty_like(part[:0]))
+            if len(column) < end:
+                # nobody else holds it: the system moves its pages, and no row is held twice
+                column.resize((end + end // 8, *part.shape[1:]), refcheck=False)
+            column[self._count : end] = part
+        self._count = end
 
     def joined(self, name: str, kind: type, empty: tuple[int, ...] = (0,)) -> np.ndarray:
         """Return a column, which is empty where there was no block."""
-        parts = self._parts.pop(name, [])
-        return np.concatenate(parts) if parts else np.empty(empty, dtype=kind)
+        column = self._columns.pop(name, None)
+        if column is None:
+            return np.empty(empty, dtype=kind)
+        column.resize((self._count, *column.shape[1:]), refcheck=False)
+        return column

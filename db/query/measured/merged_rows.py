@@ -59,7 +59,10 @@ class _Stream:
     """Rows of one table in order of time, as arrays, read a part at a time."""
 
     def __init__(self, session: Session, statement: Select[*tuple[Any, ...]]) -> None:
-        found = session.execute(statement.execution_options(yield_per=ROWS_AT_ONCE))
+        # by the connection: plain rows cost the ORM's loading of a session as much again
+        found = session.connection().execute(
+            statement, execution_options={"yield_per": ROWS_AT_ONCE}
+        )
         self._parts: Iterator[Sequence[Sequence[Any]]] = iter(found.partitions())
         self.at_us: IntArray = np.empty(0, dtype=np.int64)
         self.numbers: FloatArray = np.empty((0, 0))
@@ -74,8 +77,9 @@ class _Stream:
         if rows is None:
             self.is_over = True
             return
-        self.at_us = np.array([row[0] for row in rows], dtype=np.int64)
-        self.numbers = np.array([row[1:] for row in rows], dtype=np.float64)
+        # a float holds whole microseconds up to the year 2255
+        numbers = np.array([tuple(row) for row in rows], dtype=np.float64)
+        self.at_us, self.numbers = numbers[:, 0].astype(np.int64), numbers[:, 1:]
 
     def take(self, until_us: int) -> tuple[IntArray, FloatArray]:
         """Take what is not later than a moment."""
