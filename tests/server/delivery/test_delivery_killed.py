@@ -7,6 +7,7 @@ import signal
 import time
 import zipfile
 from datetime import UTC, datetime, timedelta
+from functools import partial
 
 import httpx
 import pytest
@@ -95,33 +96,35 @@ def wait_for(found):
     return value
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_what_a_station_that_was_killed_offers_is_whole_and_it_delivers_anew(
-    prepared, tmp_path, moment
-):
+@pytest.mark.timeout(900)
+def test_what_a_station_that_was_killed_offers_is_whole_and_it_delivers_anew(prepared, tmp_path):
+    """Killed at each moment of a delivery, it starts again with what is whole, and goes on."""
     folder, token = prepared
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    deliveries = tmp_path / "delivery"
     station = Station(tmp_path, token)
+    packages = set()
     try:
         station.ask("PATCH", "/api/config/delivery?robot=mini-1", json=METADATA)
-        job = station.deliver()
-        wait_for(lambda: list(deliveries.glob(MOMENTS[moment])))
-    finally:
-        station.end(signal.SIGKILL)
-    station = Station(tmp_path, token)
-    try:
-        first = station.ask("GET", f"/api/jobs/{job}")
-        packages, files = station.offered()
-        assert {one.name for one in deliveries.iterdir()} == packages | files
-        if not packages:
-            assert (first["state"], "start it again" in first["message"]) == ("failed", True)
+        for moment, pattern in MOMENTS.items():
+            job, before = station.deliver(), packages
+            wait_for(partial(new_files, tmp_path, pattern, before))
+            station.end(signal.SIGKILL)
+            station = Station(tmp_path, token)
+            ended = station.ask("GET", f"/api/jobs/{job}")
+            packages, files = station.offered()
+            assert new_files(tmp_path, "*", set()) == packages | files, moment
+            if packages == before:
+                assert (ended["state"], "start it again" in ended["message"]) == ("failed", True)
         again = station.deliver()
-        ended = wait_for(
-            lambda: (one := station.ask("GET", f"/api/jobs/{again}"))["state"] != "running" and one
-        )
+        wait_for(lambda: station.ask("GET", f"/api/jobs/{again}")["state"] != "running")
+        ended = station.ask("GET", f"/api/jobs/{again}")
         assert ended["state"] == "done", ended["message"]
         after, _ = station.offered()
         assert len(after - packages) == 1
     finally:
         station.end(signal.SIGTERM)
+
+
+def new_files(folder, pattern, known):
+    """Return the names of what lies in the folder of deliveries but is not known."""
+    return {one.name for one in (folder / "delivery").glob(pattern)} - known
