@@ -85,6 +85,21 @@ def _is_in_contact(x: FloatArray, surroundings: FloatArray) -> bool:
 
 
 @inner_kernel
+def _damping_per_s(v1: float, v2: float, v3: float, delta: float, p: FloatArray) -> float:
+    """Fastest rate at which the water damps a motion, 1/s: pitching, or drifting sideways.
+
+    Drag grows with the angle of attack squared, which is half a turn for a robot that is driven
+    backwards: the water stops that one twenty times as fast as one that glides.
+    """
+    speed = math.sqrt(v1 * v1 + v2 * v2 + v3 * v3)
+    wet = 0.5 * p[body.WATER_DENSITY] * p[body.AREA] * speed
+    alpha = math.atan2(v3, v1)
+    drag = p[body.DRAG_0] + p[body.DRAG_ALPHA] * alpha * alpha + p[body.DRAG_DELTA] * delta * delta
+    pitching = wet * speed * abs(p[body.PITCH_DAMPING]) / p[body.INERTIA_2]
+    return max(pitching, 2.0 * wet * drag / p[body.MASS_2])
+
+
+@inner_kernel
 def _stable_parts(
     x: FloatArray,
     p: FloatArray,
@@ -93,26 +108,16 @@ def _stable_parts(
     dt_s: float,
     slope: FloatArray,
 ) -> int:
-    """Into how many parts a step must be cut so that the water's pitch damping stays stable.
+    """Into how many parts a step must be cut so that what the water damps stays stable.
 
-    The damping grows with the speed squared, and a wall may push a robot to several times its speed
-    within a step: in contact, the speed is that at the end of a whole step of Euler's method, if
-    that is larger. ``slope`` is scratch.
+    A wall may push a robot to several times its speed within a step, or backwards: in contact, the
+    end of a whole step of Euler's method counts too. ``slope`` is scratch.
     """
-    speed = math.sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8])
+    damping = _damping_per_s(x[6], x[7], x[8], x[14], p)
     if _is_in_contact(x, surroundings):
         extended_derivative_into(x, 0.0, 0.0, x[14], 0.0, p, surroundings, slope, time_s)
         v1, v2, v3 = x[6] + dt_s * slope[6], x[7] + dt_s * slope[7], x[8] + dt_s * slope[8]
-        speed = max(speed, math.sqrt(v1 * v1 + v2 * v2 + v3 * v3))
-    damping = (
-        0.5
-        * p[body.WATER_DENSITY]
-        * p[body.AREA]
-        * speed
-        * speed
-        * abs(p[body.PITCH_DAMPING])
-        / p[body.INERTIA_2]
-    )
+        damping = max(damping, _damping_per_s(v1, v2, v3, x[14], p))
     return 1 + int(min(damping * dt_s / 1.5, 1000.0))
 
 
