@@ -63,6 +63,7 @@ AREAS = {
     "decisions": "benchmarks.station.decisions",
     "delivery": "benchmarks.station.delivery",
     "replay": "benchmarks.station.replay",
+    "replay_page": "benchmarks.station.replay_page",
 }
 """The module that measures each, in the order of the table."""
 OUTPUT = Path("build/bench.json")

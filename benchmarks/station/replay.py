@@ -46,7 +46,7 @@ def measure() -> list[dict[str, Any]]:
 def measured(rows: int, seeks: int) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        token, end = _prepared(folder, rows)
+        token, end = prepared(folder, rows)
         draw = random.Random(SEED)
         span_s = (end - START).total_seconds()
         moments = [START + timedelta(seconds=draw.uniform(0, span_s)) for _ in range(seeks)]
@@ -66,7 +66,7 @@ def measured(rows: int, seeks: int) -> list[dict[str, Any]]:
     ]
 
 
-def _prepared(folder: Path, rows: int) -> tuple[str, datetime]:
+def prepared(folder: Path, rows: int) -> tuple[str, datetime]:
     """Fill a data folder with a deployment that is over; return a viewer's token and its end."""
     end = min(START + timedelta(seconds=rows), datetime.now(UTC) - timedelta(minutes=1))
 

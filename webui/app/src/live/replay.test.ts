@@ -1,7 +1,9 @@
-import { describe, expect, test } from 'vitest';
+import { describe, expect, test, vi } from 'vitest';
+import type { Api } from '../api/client';
 import { Cursor } from './cursor.svelte';
 import { NewestQuestion } from './newest_question';
 import { mayLeave } from './replay_gate';
+import { ReplayWindow } from './replay_window.svelte';
 
 const AT = Date.parse('2026-11-22T10:00:00Z');
 
@@ -87,5 +89,47 @@ describe('of a replay', () => {
     expect(await sent('POST', '/api/robots/a/films', {})).toBe(true);
     expect(await sent('DELETE', '/api/jobs/job-1')).toBe(true);
     expect(await sent('POST', '/api/jobs/job-1/x', {})).toBe(false);
+  });
+});
+
+describe('a window about a cursor', () => {
+  /** A window of an hour, and from which hour on it asked for what. */
+  function hourly(fails: () => boolean = () => false) {
+    const asked: number[] = [];
+    const samples = (_: string, { start }: { start?: string | null }) => {
+      const hour = Date.parse(start ?? '') / 3_600_000;
+      asked.push(hour);
+      if (fails()) return Promise.reject(new Error('busy'));
+      return Promise.resolve({ measured_at: [start], value: [hour], unit: 'm' });
+    };
+    const window = new ReplayWindow({ samples } as unknown as Api, 'mini-1', 'depth_m', 3600);
+    return { window, asked };
+  }
+
+  test('never lets go of a part that it shows, however long ago that was read', async () => {
+    const { window } = hourly();
+    for (const hour of [100.5, ...Array.from({ length: 11 }, (_, n) => 200.5 + 2 * n), 99.6]) {
+      window.want(hour * 3600, 0);
+      await vi.waitFor(() => expect(window.show(hour * 3600).isWhole).toBe(true));
+    }
+  });
+
+  test('asks again for a part that it was refused while it is wanted, and then no more', async () => {
+    vi.useFakeTimers();
+    let isBusy = true;
+    const { window, asked } = hourly(() => isBusy);
+    const end = window.want(100.25 * 3600, 0);
+    await vi.advanceTimersByTimeAsync(7000);
+    expect(asked.filter((hour) => hour === 100).length).toBeGreaterThan(1);
+    isBusy = false;
+    await vi.advanceTimersByTimeAsync(4000);
+    expect(window.show(100.25 * 3600).isWhole).toBe(true);
+    isBusy = true;
+    window.want(500.25 * 3600, 0);
+    end();
+    const before = asked.length;
+    await vi.advanceTimersByTimeAsync(20_000);
+    expect(asked.length).toBe(before);
+    vi.useRealTimers();
   });
 });

@@ -5,6 +5,8 @@ import { rfc3339 } from '../text/time';
 /** More than any robot measures in the blocks of a short window, so that nothing is left out. */
 const POINTS = 20_000;
 const KEPT = 24;
+const RETRY_MS = 3000;
+const NONE: readonly [number, number] = [0, -1];
 /** So far is read ahead of a replay that plays, s of a wall clock, and at most so many blocks. */
 const AHEAD_S = 30;
 const AHEAD_BLOCKS = 3;
@@ -24,6 +26,8 @@ export class ReplayWindow {
   // eslint-disable-next-line svelte/prefer-svelte-reactivity -- `version` tells when it changed
   readonly #blocks = new Map<number, Block | null>();
   readonly #api: Api;
+  /** First and last block that the window needs, or will need. */
+  #wanted = NONE;
 
   /**
    * @param spanS Length of the window, and of a block, s.
@@ -42,13 +46,16 @@ export class ReplayWindow {
     return [atS - this.spanS / 2, atS + this.spanS / 2];
   }
 
-  /** Read what the window about a moment needs, and what it will need; for effects. */
-  want(atS: number, speed: number): void {
+  /**
+   * Read what the window about a moment needs, and what it will need, until the returned function
+   * is called; for effects.
+   */
+  want(atS: number, speed: number): () => void {
     const [from, to] = this.range(atS);
     const ahead = Math.min(speed * AHEAD_S, AHEAD_BLOCKS * this.spanS);
-    untrack(() => {
-      for (let n = this.#number(from); n <= this.#number(to + ahead); n++) void this.#read(n);
-    });
+    this.#wanted = [this.#number(from), this.#number(to + ahead)];
+    untrack(() => this.#readWanted());
+    return () => (this.#wanted = NONE);
   }
 
   /** What is known of the window about a moment, in order; all of it once `isWhole`. */
@@ -82,8 +89,17 @@ export class ReplayWindow {
     return Math.floor(s / this.spanS);
   }
 
+  #readWanted(): void {
+    for (let n = this.#wanted[0]; n <= this.#wanted[1]; n++) {
+      if (!this.#blocks.has(n)) void this.#read(n);
+    }
+  }
+
+  #isWanted(n: number): boolean {
+    return n >= this.#wanted[0] && n <= this.#wanted[1];
+  }
+
   async #read(n: number): Promise<void> {
-    if (this.#blocks.has(n)) return;
     this.#blocks.set(n, null);
     try {
       const found = await this.#api.samples(this.robot, {
@@ -102,17 +118,19 @@ export class ReplayWindow {
         isDerived: found.is_derived,
         isDecimated: found.decimated,
       });
-      this.#forget(n);
+      this.#forget();
     } catch {
-      this.#blocks.delete(n); // it is asked for again with the next move
+      this.#blocks.delete(n);
+      setTimeout(() => this.#readWanted(), RETRY_MS);
     }
     this.version++;
   }
 
-  #forget(last: number): void {
+  /** Let go of the blocks that were read first; never of one that is wanted. */
+  #forget(): void {
     for (const n of this.#blocks.keys()) {
       if (this.#blocks.size <= KEPT) return;
-      if (n !== last && this.#blocks.get(n) !== null) this.#blocks.delete(n);
+      if (!this.#isWanted(n) && this.#blocks.get(n) !== null) this.#blocks.delete(n);
     }
   }
 }
