@@ -72,6 +72,11 @@ def _record(folder: Path) -> None:
 
 
 def _survey(client: httpx.Client, robot: str) -> str:
+    limit_s = time.monotonic() + START_LIMIT_S
+    while not client.get(f"/api/robots/{robot}/state").json().get("position"):
+        if time.monotonic() > limit_s:
+            raise NotMeasuredError(f"{robot} did not say where it is")
+        time.sleep(0.5)
     body = {"kind": "adaptive_survey", "automation": True}
     answer = client.post(f"/api/robots/{robot}/missions", json=body)
     if not answer.is_success:
