@@ -107,10 +107,11 @@ def fly(lake):
 
 
 def flag_the_second_quarter(lake, quality):
-    """Flag a stretch of the channel by hand; return its ends."""
-    past = next(one for one in lake.get("/api/deployments", robot=ROBOT)["deployments"])
-    begin, end = (datetime.fromisoformat(past[key]) for key in ("started_at", "ended_at"))
-    first, last = ((begin + (end - begin) * share).replace(microsecond=0) for share in (0.25, 0.5))
+    """Flag the second quarter of what was sampled of the channel; return its ends."""
+    told = lake.get(f"/api/robots/{ROBOT}/samples", channel=CHANNEL)["measured_at"]
+    times = [datetime.fromisoformat(one) for one in told]
+    ends = times[len(times) // 4], times[len(times) // 2]
+    first, last = (one.replace(microsecond=0) for one in ends)
     quality.get_by_role("button", name="Flag a stretch").click()
     quality.get_by_label("Series").select_option(CHANNEL)
     for label, at in (("From, UTC", first), ("To, UTC", last)):
@@ -150,7 +151,7 @@ def assert_equal(data, rows, first, last):
     }
     # seconds in double precision: nearest to the microsecond, and seldom just below it
     times = (data["TIME"].values + np.timedelta64(500, "ns")).astype("datetime64[us]")
-    told = 0
+    told = flagged = 0
     for at, value, flag in zip(times, data["TEMP"].values, data["TEMP_QC"].values, strict=True):
         if np.isnan(value):
             continue
@@ -160,5 +161,7 @@ def assert_equal(data, rows, first, last):
         moment = datetime.fromisoformat(row["time_utc"])
         if first <= moment <= last:
             assert flag == 4
+            flagged += 1
     assert told >= SAMPLES / 4
+    assert flagged >= told // 5
     assert timedelta(0) < last - first
