@@ -13,6 +13,8 @@ _TICKS: Final = 5
 _GAP_SHARE: Final = 0.02
 """A longer silence, as a share of the time shown, is a gap in the line."""
 _MAP: Final = 460
+_NAME: Final = 50
+"""Room for the name of an end of a track beside it."""
 Scale = Callable[[float], float]
 
 
@@ -135,11 +137,7 @@ def track_figure(
     bar_m = _nice(side_m / 4.0)
     bar = bar_m / side_m * _MAP
     ends = (("begin", line[0], "#fff"), ("end", line[-1], "#0b5cad"))
-    ends_shown = "".join(
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" stroke="#0b5cad"/>'
-        f'<text x="{x + 7:.1f}" y="{y + 4:.1f}">{name}</text>'
-        for name, (x, y), fill in ends
-    )
+    ends_shown = "".join(_end(name, x, y, fill) for name, (x, y), fill in ends)
     scale = (
         f'<path d="M12 {_MAP - 14}h{bar:.1f}" stroke="#222" stroke-width="2"/>'
         f'<text x="12" y="{_MAP - 20}">{bar_m:g} m</text>'
@@ -150,6 +148,17 @@ def track_figure(
     water = f'<polygon points="{shore}" fill="#eaf3fb" stroke="#7a9cb8"/>' if shore else ""
     noted = "".join(mark_shape(kind, *spot(north, east)) for north, east, kind in marks)
     return _svg(_MAP, _MAP, title, frame + water + _line(line) + noted + ends_shown + scale)
+
+
+def _end(name: str, x: float, y: float, fill: str) -> str:
+    """Return an end of a track, its name on the side where the frame does not cut it."""
+    is_at_edge = x > _MAP - _NAME
+    aside, anchor = (x - 7, "end") if is_at_edge else (x + 7, "start")
+    return (
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" stroke="#0b5cad"/>'
+        f'<text x="{aside:.1f}" y="{y + 4:.1f}" text-anchor="{anchor}" paint-order="stroke" '
+        f'stroke="#fff" stroke-width="3">{name}</text>'
+    )
 
 
 def _grid(x: Scale, y: Scale, ticks: Sequence[float], first: datetime, span_s: float) -> str:

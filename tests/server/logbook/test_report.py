@@ -138,6 +138,19 @@ def test_the_noise_of_a_robot_at_the_surface_does_not_look_like_a_dive():
     assert "e-" not in "".join(re.findall(r">([^<]*)</text>", figure))
 
 
+def test_names_of_the_ends_of_a_track_stay_within_its_frame():
+    eastward = track_figure("x", [0.0, 0.0], [0.0, 20.0])
+    westward = track_figure("x", [0.0, 0.0], [20.0, 0.0])
+    named = r'text x="([\d.]+)" y="[\d.]+" text-anchor="(\w+)"[^>]*>(begin|end)<'
+    for figure in (eastward, westward):
+        ends = {name: (float(x), anchor) for x, anchor, name in re.findall(named, figure)}
+        assert set(ends) == {"begin", "end"}
+        for x, anchor in ends.values():
+            left, right = (x - 35.0, x) if anchor == "end" else (x, x + 35.0)
+            assert left >= 0.0
+            assert right <= 460.0
+
+
 def test_nothing_is_drawn_of_nothing_and_one_value_is_a_dot():
     end = START + timedelta(hours=1)
     assert curve_figure(Curve("x", "m", [], []), START, end) == ""
