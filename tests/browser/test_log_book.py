@@ -32,8 +32,9 @@ def look(page: Page, name: str, part: Locator | None = None) -> None:
         if part is not None and part.locator("iframe").count() and theme != "night-red":
             expect_scene(page)  # at night it is of one hue, which looks empty to it
         shown.screenshot(path=SHOTS / f"{name}-{size}-{theme}.png", timeout=240_000)
-        wide = page.evaluate("document.querySelector('main').scrollWidth - innerWidth")
-        assert wide <= 0, (name, size)
+        for area in ("header", "main"):
+            wide = page.evaluate(f"document.querySelector('{area}').scrollWidth - innerWidth")
+            assert wide <= 0, (name, size, area)
     page.evaluate("document.documentElement.dataset.theme = 'dark'")
     if before is not None:
         page.set_viewport_size(before)
