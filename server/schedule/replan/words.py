@@ -11,6 +11,8 @@ _SEEN = 0.005
 """A gain below it is told as none."""
 _SAME = 0.02
 """Part of energy or time that is called the same."""
+_SHORT_S = 600.0
+"""Shorter times are told in seconds."""
 MEASURES = {
     "information_gain": "the part of the map's variance that it takes away",
     "ergodic": "how well its time is spread over where the map is high or uncertain",
@@ -134,8 +136,7 @@ def _costs(new: Judged, keep: Judged) -> str:
                 _differs(new.energy, keep.energy),
             ),
             (
-                f"{new.duration_s / 60.0:.0f} min",
-                f"{keep.duration_s / 60.0:.0f}",
+                *_times(new.duration_s, keep.duration_s),
                 _differs(new.duration_s, keep.duration_s),
             ),
             (
@@ -147,6 +148,13 @@ def _costs(new: Judged, keep: Judged) -> str:
         if is_other
     ]
     return f" It takes {', '.join(said)}." if said else ""
+
+
+def _times(new_s: float, keep_s: float) -> tuple[str, str]:
+    """Return two times in a unit in which those that differ are told apart, the first with it."""
+    if max(new_s, keep_s) < _SHORT_S:
+        return f"{new_s:.0f} s", f"{keep_s:.0f}"
+    return f"{new_s / 60.0:.1f} min", f"{keep_s / 60.0:.1f}"
 
 
 def _differs(new: float, keep: float) -> bool:

@@ -30,7 +30,7 @@ def _hasty(monkeypatch):
     monkeypatch.setattr(suggestions, "QUIET_S", 0.05)
 
 
-def judged(removed: float) -> Judged:
+def judged(removed: float, duration_s: float = 240.0) -> Judged:
     return Judged(
         removed=removed,
         map_std=0.5,
@@ -38,7 +38,7 @@ def judged(removed: float) -> Judged:
         objective=10.0 * removed,
         worst_position_std_m=0.2,
         energy=6.0,
-        duration_s=240.0,
+        duration_s=duration_s,
         dives=2,
         flights=8,
     )
@@ -50,6 +50,7 @@ class Searchers(FakeWorkers):
     def __init__(self) -> None:
         super().__init__()
         self.removed = (0.20, 0.25)
+        self.duration_s = (240.0, 240.0)
         self.asked: list[SuggestionProblem] = []
         self.may_suggest = asyncio.Event()
         self.may_suggest.set()
@@ -63,7 +64,7 @@ class Searchers(FakeWorkers):
         if self.breaks:
             raise WorkerTaskError("ValueError: it is not finite")
         result = self.plan(payload.survey)
-        keep, new = map(judged, self.removed)
+        keep, new = map(judged, self.removed, self.duration_s)
         return SuggestionFound(result, keep, new, samples=len(payload.survey.samples))
 
 
@@ -174,6 +175,20 @@ async def test_better_plan_is_offered_with_its_gain_and_nothing_is_sent(
     events = await station.foundation.store.query(newest_events)
     told = [one for one in events if one.kind == "plan.suggested"]
     assert [one.data["plan"] for one in told] == [found["plan"]]
+
+
+@pytest.mark.parametrize(
+    ("durations_s", "told"),
+    [
+        ((223.0, 258.0), "It takes 258 s instead of 223."),
+        ((3595.0, 3700.0), "It takes 61.7 min instead of 59.9."),
+    ],
+)
+async def test_times_that_differ_are_told_apart(client, world, workers, durations_s, told):
+    workers.duration_s = durations_s
+    await at_a_surfacing(client, world)
+    await ask(client)
+    assert (await suggested(client, "replace"))["text"].endswith(told)
 
 
 async def test_taken_suggestion_waits_on_board_and_replaces_what_is_flown(client, world, workers):
