@@ -15,7 +15,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.figure import Journey, told_live, wall_s, watch_channel
-from tests.browser.walk import CHROMIUM, SHOTS, browser_page, hold, open_page
+from tests.browser.walk import CHROMIUM, SHOTS, browser_page, expect_done, hold, open_page
 from tests.e2e.demo import Demo, Json
 
 pytestmark = [
@@ -308,7 +308,7 @@ def surface_from_a_phone(browser: Browser, page: Page, night: Demo) -> int:
         other.click()
         touches += 1
     hold(phone, re.compile("Surface mini-1 now"))
-    expect(phone.get_by_role("status").filter(has_text=re.compile("urfac")).first).to_be_visible()
+    expect_done(phone)
     phone.screenshot(path=SHOTS / "night-red-surfaced.png")
     phone.context.close()
     return touches

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from tests.browser.crew import act, charge, name_of, second_pilot
 from tests.browser.figure import Journey
 from tests.browser.person import Person
-from tests.browser.walk import CHROMIUM, hold, open_page
+from tests.browser.walk import CHROMIUM, expect_done, hold, open_page
 
 pytestmark = [
     pytest.mark.browser,
@@ -123,8 +123,9 @@ def test_two_pilots_want_one_robot(browser, calm, screen):
         person.shoot(ann, "charge-held")
         hold(ann, re.compile("Surface mini-1 now"))
         at = time.monotonic()
-        expect(ann.get_by_role("status").filter(has_text=re.compile("urfac")).first).to_be_visible()
-        journey.tell("5", "anyone with pilot right may abort, at once", f"shown in {seconds(at)}")
+        expect_done(ann)
+        told = f"the robot obeys {seconds(at)} after the button was held"
+        journey.tell("5", "anyone with pilot right may abort, at once", told)
         ann.get_by_role("button", name="Let it go on").click()
         for page in (ann, ben):
             expect(page.get_by_text("Automation is held")).to_have_count(0)

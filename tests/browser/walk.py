@@ -102,6 +102,12 @@ def shoot(page: Page, name: str) -> None:
     page.set_viewport_size({"width": 1600, "height": 950})
 
 
+def expect_done(page: Page) -> None:
+    """Wait until the robot said that it carries the order out; the row stands from the press on."""
+    steps = page.get_by_role("list", name="Progress of the order")
+    expect(steps).to_contain_text(re.compile(r"Done\s*\d\d:\d\d:\d\dZ"))
+
+
 _NOTE_PRESS = """each => {
   window.isPressed = false;
   each.addEventListener('pointerdown', () => { window.isPressed = true; }, { once: true });
