@@ -99,6 +99,16 @@ def current(page: Page, demo: Demo) -> None:
     keep(page, "current")
 
 
+def field_map(page: Page, demo: Demo) -> None:
+    open_page(page, demo, "/map/mini-1")
+    symbols = page.get_by_role("list", name="What the symbols mean")
+    near = re.compile("[1-9][0-9]* samples near this slice")
+    expect(symbols).to_contain_text(near, timeout=600_000)
+    page.set_viewport_size({"width": 1440, "height": 925})  # both slices side by side
+    keep(page, "map")
+    page.set_viewport_size({"width": SIZE["width"], "height": SIZE["height"]})
+
+
 def data(page: Page, demo: Demo) -> None:
     open_page(page, demo, "/data/mini-1")
     expect(page.locator(".uplot").first).to_be_visible()
@@ -117,7 +127,8 @@ def alarms(page: Page, demo: Demo) -> None:
 
 
 PICTURES: tuple[Callable[[Page, Demo], None], ...] = (
-    surface_now, design, drive, track, fleet, night, current, plan, robot, data, alarms,
+    surface_now, design, drive, track, fleet, night, current, plan, robot, field_map, data,
+    alarms,
 )  # fmt: skip
 
 
