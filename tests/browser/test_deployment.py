@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, browser_page, open_page
+from tests.browser.walk import CHROMIUM, browser_page, open_page, tell_anew
 from tests.e2e.demo import Demo
 
 pytestmark = [
@@ -59,8 +59,7 @@ def test_a_planned_deployment_begins_on_the_robot_page_and_the_one_before_is_rea
     expect(line.get_by_role("heading", name="In the workshop")).to_be_visible()
     line.get_by_role("button", name="Begin a deployment").click()
     line.get_by_label("Purpose").fill("kept while the robot is told anew")
-    with sheet.expect_response(lambda answer: answer.url.endswith("/api/robots")):
-        lake_is_told(sheet)
+    tell_anew(sheet, "grace-1")
     expect(line.get_by_label("Purpose")).to_have_value("kept while the robot is told anew")
     line.get_by_role("button", name="Begin Autumn bloom now").click()
     expect(line.get_by_role("heading", name="In the water")).to_be_visible()
@@ -75,19 +74,6 @@ def test_a_planned_deployment_begins_on_the_robot_page_and_the_one_before_is_rea
     main = sheet.get_by_role("main")
     changing = re.compile("^(Begin|End|Correct|Split|Void|Plan|Import)")
     expect(main.get_by_role("button", name=changing)).to_have_count(0)
-
-
-def lake_is_told(sheet):
-    """Let the station say that its robots changed, as it does when somebody renames one."""
-    sheet.evaluate("""async () => {
-        const session = await (await fetch('/api/session')).json();
-        await fetch('/api/robots/grace-1', {
-            method: 'PATCH',
-            headers: {'Content-Type': 'application/json', 'X-CSRF-Token': session.csrf_token},
-            body: JSON.stringify({name: 'grace-1'}),
-        });
-        await fetch('/api/robots');
-    }""")
 
 
 def test_an_export_of_vue_comes_in_and_its_tags_are_plotted_and_exported(sheet, lake, tmp_path):

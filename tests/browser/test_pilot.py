@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, expect_scene, open_page, shoot
+from tests.browser.walk import CHROMIUM, expect_scene, open_page, shoot, tell_anew
 from tests.e2e.demo import fly_dives
 
 pytestmark = [
@@ -55,6 +55,9 @@ def test_the_polar_of_a_robot_is_read_cell_by_cell(page, demo):
     expect(reading.locator("dd").first).not_to_have_text(before)
     expect(page.get_by_text(re.compile("a disturbance (halves|doubles) every"))).to_be_visible()
     page.get_by_label("Tail angle").fill("10")
+    tell_anew(page, "mini-1")
+    expect(reading.get_by_text("Angle of attack")).to_be_visible()
+    expect(page.get_by_label("Tail angle")).to_have_value("10")
     page.get_by_role("button", name="Work out this motion").click()
     expect(page.get_by_text(re.compile("radius [0-9.]+ m"))).to_be_visible()
     shoot(page, "control-polar")

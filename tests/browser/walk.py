@@ -102,6 +102,27 @@ def shoot(page: Page, name: str) -> None:
     page.set_viewport_size({"width": 1600, "height": 950})
 
 
+def tell_anew(page: Page, robot: str) -> None:
+    """Let the station tell a page its robots anew, as where somebody renames one, and back."""
+    strip = page.get_by_role("region", name="Robot in hand")
+    for name in (f"{robot} anew", robot):
+        status = page.evaluate(_RENAME, [robot, name])
+        assert status == 200
+        named = re.compile(f"^Surface {name} now")
+        expect(strip.get_by_role("button", name=named)).to_be_visible()
+
+
+_RENAME = """async ([robot, name]) => {
+  const session = await (await fetch('/api/session')).json();
+  const answer = await fetch(`/api/robots/${robot}`, {
+    method: 'PATCH',
+    headers: { 'Content-Type': 'application/json', 'X-CSRF-Token': session.csrf_token },
+    body: JSON.stringify({ name }),
+  });
+  return answer.status;
+}"""
+
+
 def expect_done(page: Page) -> None:
     """Wait until the robot said that it carries the order out; the row stands from the press on."""
     steps = page.get_by_role("list", name="Progress of the order")
