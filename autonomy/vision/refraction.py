@@ -154,7 +154,7 @@ def deepened(
     spreads from it looks n times nearer behind the surface.
 
     Args:
-        eye_ned_m: Shape ``(3,)``, m, above the surface.
+        eye_ned_m: Shape ``(..., 3)``, m, above the surface; one for all or one for each.
         apparent_ned_m: Shape ``(..., 3)``, m.
         level_m: Down coordinate of the surface.
         index: Index of refraction of the water.
@@ -165,10 +165,14 @@ def deepened(
     eye = np.asarray(eye_ned_m, dtype=np.float64)
     apparent = np.asarray(apparent_ned_m, dtype=np.float64)
     way = apparent - eye
-    length = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-12)
-    entries, inside = underwater_rays(eye, way / length, level_m, index)
-    beyond = length - np.linalg.norm(entries - eye, axis=-1, keepdims=True)
-    return np.where(beyond > 0.0, entries + index * beyond * inside, apparent)
+    length = np.maximum(np.sqrt((way * way).sum(axis=-1, keepdims=True)), 1e-12)
+    down = way[..., 2:] / length
+    above = (level_m - eye[..., 2:]) / np.where(down > 0.0, down, np.inf)  # along the way
+    steeper = np.sqrt(1.0 - (1.0 - down * down) / index**2) - down / index
+    inside = way / length / index
+    inside[..., 2:] += steeper
+    deeper = eye + way / length * above + index * (length - above) * inside
+    return np.where((down > 0.0) & (length > above), deeper, apparent)
 
 
 def _rows(vectors: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -28,6 +28,8 @@ CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5,
 _FLAT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Axes of a tag that lies flat, top edge north, in NED."""
 _APRILTAG_ORDER = (1, 0, 3, 2)
+_TANK_STD_M, _TANK_STD_DEG = 0.002, 0.3
+_ROBOT_STD_M, _ROBOT_STD_DEG = 0.0005, 0.6
 _LARGEST_SIZE_M, _FARTHEST_M = 5.0, 1000.0
 
 
@@ -47,10 +49,10 @@ class Tag:
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
     heading_deg: float = 0.0
-    position_std_m: float = 0.002
-    """How well the position is known, per axis."""
-    angle_std_deg: float = 0.3
-    """How well it is known how the tag is turned, per axis."""
+    position_std_m: float | None = None
+    """How well the position is known, per axis; if not told, 2 mm in a tank, 0.5 mm on a robot."""
+    angle_std_deg: float | None = None
+    """How well the angles are known, per axis; if not told, 0.3 deg in a tank, 0.6 on a robot."""
 
     def __post_init__(self) -> None:
         if self.id not in ROBOT_IDS and self.id not in TANK_IDS and self.id not in LATENCY_IDS:
@@ -65,7 +67,8 @@ class Tag:
             if not abs(getattr(self, name)) <= 360.0:
                 raise ValueError(f"{name}: {getattr(self, name)} is no angle within 360 deg")
         for name, most in (("position_std_m", 1.0), ("angle_std_deg", 30.0)):
-            if not 0.0 <= getattr(self, name) <= most:
+            std = getattr(self, name)
+            if std is not None and not 0.0 <= std <= most:
                 raise ValueError(f"{name}: {getattr(self, name)} is not within 0 and {most}")
 
     @property
@@ -74,6 +77,18 @@ class Tag:
         angles = np.radians([self.roll_deg, self.pitch_deg, self.heading_deg]).tolist()
         flat = Pose.of_angles(self.position_m, *angles)
         return Pose(flat.rotation @ _FLAT, flat.position_m)
+
+    @property
+    def place_std_m(self) -> float:
+        """How well the position is known, per axis."""
+        usual = _ROBOT_STD_M if self.id in ROBOT_IDS else _TANK_STD_M
+        return usual if self.position_std_m is None else self.position_std_m
+
+    @property
+    def turn_std_rad(self) -> float:
+        """How well it is known how the tag is turned, per axis."""
+        usual = _ROBOT_STD_DEG if self.id in ROBOT_IDS else _TANK_STD_DEG
+        return math.radians(usual if self.angle_std_deg is None else self.angle_std_deg)
 
     @property
     def corners_m(self) -> FloatArray:
