@@ -11,7 +11,8 @@ which stay as they are from fix to fix: cameras, lenses and level as calibration
 index of refraction, an edge error common to all tags, ripples, and how the tags are fixed to the
 robot.
 
-Pose covariances are of the place in NED (m) and the turn about body axes (rad), in this order.
+Pose covariances are of north, east and the depth below the real surface (m) and of the turn about
+body axes (rad), in this order.
 
 Source:
     Schmidt, "Application of state-space methods to navigation problems", Advances in Control
@@ -116,7 +117,7 @@ class Fix:
 
     @property
     def covariance(self) -> FloatArray:
-        """Of place and turn, shape ``(6, 6)``."""
+        """Of ``position_ned_m`` and turn, shape ``(6, 6)``."""
         return self.noise_covariance + self.considered_covariance
 
     @property
@@ -132,7 +133,7 @@ class Fix:
 
     @property
     def position_covariance(self) -> FloatArray:
-        """Of north, east, down, shape ``(3, 3)``, m^2."""
+        """Of ``position_ned_m``, shape ``(3, 3)``, m^2."""
         return self.covariance[:3, :3]
 
     @property
@@ -396,7 +397,12 @@ class _Search:
             noise = np.linalg.inv(H)
         except np.linalg.LinAlgError:
             return None
-        A = noise @ np.tensordot(weighted, root, axes=((0, 1), (0, 1)))
+        pull = np.tensordot(weighted, root, axes=((0, 1), (0, 1)))
+        level = self._rig.root[-1]  # a level error moves what a depth means, and what it tells
+        if self._telemetry[kernel.HAS_DEPTH] > 0.0:
+            pull[2, : len(level)] -= level / self._telemetry[kernel.DEPTH_STD] ** 2
+        A = noise @ pull
+        A[2, : len(level)] += level
         rest = A @ A.T
         if not (np.isfinite(noise + rest).all() and (np.diag(noise) > 0.0).all()):
             return None

@@ -1,18 +1,20 @@
 """The thesis's tank with three overhead cameras, and what they see, with stated noise."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.vision.camera import Camera
+from autonomy.vision.calibration.lens_fit import LensCalibration, calibrate_lens
+from autonomy.vision.camera import CAMERA_ERRORS, Camera
 from autonomy.vision.corner import area_px2, corner_sigma_px
 from autonomy.vision.fix import Sighting
 from autonomy.vision.lens import Lens
 from autonomy.vision.rigid import Pose
 from autonomy.vision.sight import corners_seen
 from autonomy.vision.tag import Bundle, Layout, Tag
+from tests.autonomy.vision.boards import drawn_views
 
 LENGTH_M, WIDTH_M, DEPTH_M = 4.6, 3.1, 1.2
 HEIGHT_M = 2.5
@@ -55,12 +57,14 @@ def overhead_cameras(lens: Lens = LENS) -> tuple[Camera, ...]:
 
 
 def tank_layout() -> Layout:
-    """Return eight tags on the floor and six on dry brackets at the rim."""
+    """Return twelve tags on the floor and six on dry brackets at the rim."""
     tags: list[Tag] = []
-    for i, (north, east) in enumerate((n, e) for n in (0.5, 1.7, 2.9, 4.1) for e in (0.7, 2.4)):
+    for i, (north, east) in enumerate(
+        (n, e) for n in (0.5, 1.7, 2.9, 4.1) for e in (0.5, 1.55, 2.6)
+    ):
         tags.append(Tag(100 + i, 0.15, (north, east, DEPTH_M), heading_deg=20.0 * i))
     for i, (north, east) in enumerate((n, e) for n in (0.6, 2.3, 4.0) for e in (0.3, 2.8)):
-        tags.append(Tag(110 + i, 0.15, (north, east, -0.15), heading_deg=-35.0 * i))
+        tags.append(Tag(120 + i, 0.15, (north, east, -0.15), heading_deg=-35.0 * i))
     return Layout(tuple(tags))
 
 
@@ -159,3 +163,68 @@ def see(
             moved += ripple_px(camera, corners_m.mean(axis=0), level_m, slope_rad, rng)
             found.append(Sighting(camera.name, tag.id, moved, sigma))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class TrueTank:
+    """What really is, and what is told of it; all that is wrong of the telling is drawn."""
+
+    cameras: tuple[Camera, ...]
+    tags: tuple[Tag, ...]
+    level_m: float
+    index: float
+    told_cameras: tuple[Camera, ...]
+    told_layout: Layout
+    lens_covariances: tuple[FloatArray, ...]
+
+
+def lens_covariance(lens: Lens) -> FloatArray:
+    """Return how well twenty boards tell a lens."""
+    views = drawn_views(lens, 20, 1)
+    found = calibrate_lens(lens.kind, lens.width_px, lens.height_px, views)
+    assert isinstance(found, LensCalibration)
+    return found.covariance
+
+
+def true_tank(
+    seed: int,
+    covariance: FloatArray,
+    *,
+    level_std_m: float = 0.005,
+    index_std: float = 0.0005,
+    edge_std_px: float = 0.1,
+    survey_std_m: float = 0.002,
+    survey_std_deg: float = 0.3,
+) -> TrueTank:
+    """Return a tank of which lenses, edges, level, index and survey are told wrong at random."""
+    rng = np.random.default_rng(seed)
+    told = overhead_cameras()
+    cameras: list[Camera] = []
+    for camera in told:
+        errors = np.zeros(CAMERA_ERRORS)
+        errors[6:15] = rng.multivariate_normal(np.zeros(9), covariance)
+        errors[15] = rng.normal(0.0, edge_std_px)
+        cameras.append(camera.moved(errors))
+    layout = tank_layout()
+    return TrueTank(
+        tuple(cameras),
+        surveyed(layout, rng, survey_std_m, survey_std_deg).tags,
+        float(rng.normal(0.0, level_std_m)),
+        float(rng.normal(1.333, index_std)),
+        told,
+        layout,
+        (covariance,) * len(told),
+    )
+
+
+def see_means(tank: TrueTank, seed: int, **changes: float) -> list[Sighting]:
+    """Return the means of 50 pictures of the fixed tags."""
+    rng = np.random.default_rng(seed)
+    water = {"level_m": tank.level_m, "index": tank.index, **changes}
+    seen = see(tank.cameras, tank.tags, Pose.identity(), rng, noise=0.0, edge_share=0.0, **water)
+    means: list[Sighting] = []
+    for sighting in seen:
+        sigma = float(np.hypot(sighting.sigma_px / np.sqrt(50.0), 0.03))
+        noise = rng.normal(0.0, sigma, (4, 2))
+        means.append(replace(sighting, corners_px=sighting.corners_px + noise, sigma_px=sigma))
+    return means
