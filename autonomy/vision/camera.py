@@ -82,7 +82,7 @@ class Rig:
     index: float = FRESH_WATER_INDEX
     index_std: float = INDEX_STD
     ripple_slope_rad: float = 0.0
-    """Root mean square slope of the surface."""
+    """Root mean square slope of the surface, along each axis."""
     packed: FloatArray = field(init=False, repr=False)
     """Cameras for the kernels, shape ``(n, 28)``."""
     root: FloatArray = field(init=False, repr=False)
@@ -118,6 +118,13 @@ class Rig:
         whole = self.covariance
         covariance = None if whole is None else whole[np.ix_(rows, rows)]
         return replace(self, cameras=tuple(self.cameras[i] for i in kept), covariance=covariance)
+
+    def at_new_level(self, level_m: float, change_std_m: float) -> "Rig":
+        """Return the rig after the level changed by what the cameras themselves saw."""
+        size = CAMERA_ERRORS * len(self.cameras) + 1
+        covariance = np.zeros((size, size)) if self.covariance is None else self.covariance.copy()
+        covariance[-1, -1] += change_std_m**2
+        return replace(self, level_m=level_m, covariance=covariance)
 
     def at_level(self, level_m: float, std_m: float) -> "Rig":
         """Return the rig under another water level, whose error has nothing to do with the rest."""

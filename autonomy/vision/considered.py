@@ -55,7 +55,13 @@ def considered_root(
         parts.append(place * (after_s * velocity_std_m_s)[:, None, None])
     if rig.ripple_slope_rad > 0.0:
         sizes = [
-            ripple_px(rig, int(numbers[i]), eyes_m[numbers[i]], carrier.of_points(tag.position_m))
+            ripple_px(
+                rig,
+                int(numbers[i]),
+                eyes_m[numbers[i]],
+                carrier.of_points(tag.position_m),
+                rig.ripple_slope_rad,
+            )
             for i, tag in enumerate(tags)
         ]
         ripples = np.zeros((m, 8, 2 * m))
@@ -65,7 +71,9 @@ def considered_root(
     return np.concatenate(parts, axis=2)
 
 
-def ripple_px(rig: Rig, number: int, eye_m: FloatArray, place_m: FloatArray) -> float:
+def ripple_px(
+    rig: Rig, number: int, eye_m: FloatArray, place_m: FloatArray, slope_rad: float
+) -> float:
     """Return by how much ripples move what is under water in a picture, rms per axis, px.
 
     A slope s of the surface bends the ray by ``(1 - 1/n) s``, which at the depth z is ``z`` times
@@ -78,7 +86,7 @@ def ripple_px(rig: Rig, number: int, eye_m: FloatArray, place_m: FloatArray) -> 
     height = rig.level_m - float(eye_m[2])
     away = math.hypot(*(place_m[:2] - eye_m[:2]).tolist(), height + depth / rig.index)
     focal = sum(rig.cameras[number].lens.focal_px) / 2.0
-    return focal / away * depth * (1.0 - 1.0 / rig.index) * rig.ripple_slope_rad
+    return focal / away * depth * (1.0 - 1.0 / rig.index) * slope_rad
 
 
 def _of_cameras(rig: Rig, numbers: IntArray, slopes: FloatArray) -> FloatArray:

@@ -103,6 +103,8 @@ class Fix:
     """The part that averages out, shape ``(6, 6)``."""
     considered_covariance: FloatArray
     """The part that does not; nobody may claim less."""
+    tank_considered_covariance: FloatArray
+    """The same for ``pose``, whose place does not follow the water, shape ``(6, 6)``."""
     rms: float
     """Root mean square of the corners' residuals, in standard deviations."""
     margin: float
@@ -119,6 +121,11 @@ class Fix:
     def covariance(self) -> FloatArray:
         """Of ``position_ned_m`` and turn, shape ``(6, 6)``."""
         return self.noise_covariance + self.considered_covariance
+
+    @property
+    def tank_covariance(self) -> FloatArray:
+        """Of ``pose``: its place in the tank's NED, and turn, shape ``(6, 6)``."""
+        return self.noise_covariance + self.tank_considered_covariance
 
     @property
     def depth_m(self) -> float:
@@ -162,6 +169,7 @@ class Fix:
             pose=self.pose @ mount,
             noise_covariance=move @ self.noise_covariance @ move.T,
             considered_covariance=move @ self.considered_covariance @ move.T,
+            tank_considered_covariance=move @ self.tank_considered_covariance @ move.T,
         )
 
 
@@ -402,6 +410,7 @@ class _Search:
         if self._telemetry[kernel.HAS_DEPTH] > 0.0:
             pull[2, : len(level)] -= level / self._telemetry[kernel.DEPTH_STD] ** 2
         A = noise @ pull
+        in_tank = A @ A.T
         A[2, : len(level)] += level
         rest = A @ A.T
         if not (np.isfinite(noise + rest).all() and (np.diag(noise) > 0.0).all()):
@@ -411,6 +420,7 @@ class _Search:
             self._rig.level_m,
             0.5 * (noise + noise.T),
             rest,
+            in_tank,
             rms,
             margin,
             tuple(sorted({s.camera for s in self._used})),
