@@ -49,7 +49,6 @@ class Camera:
             packed[kernel.PORT :] = self.port.packed
         if not np.isfinite(np.delete(packed, kernel.FOLD)).all():
             raise ValueError(f"{self.name}: pose or edge_px is not finite")
-        packed.setflags(write=False)
         object.__setattr__(self, "packed", packed)
 
     def moved(self, errors: FloatArray) -> "Camera":

@@ -26,6 +26,7 @@ def considered_root(
     carrier: Pose,
     after_s: FloatArray,
     velocity_std_m_s: float,
+    seeks_eye: bool = False,
 ) -> FloatArray:
     """Return by how much each considered error of one standard deviation moves the corners.
 
@@ -39,13 +40,14 @@ def considered_root(
         carrier: Takes the carrier's axes into NED.
         after_s: How long after the moment of the fix each view is, shape ``(m,)``.
         velocity_std_m_s: How well the velocity in between is known, per axis.
+        seeks_eye: Whether the camera's own pose is sought, and so is no error of what was known.
 
     Returns:
         Shape ``(m, 8, k)``, px: with R these, ``R R'`` is the covariance of the corners.
     """
     m = len(tags)
     parts = [
-        _of_cameras(rig, numbers, slopes),
+        _of_cameras(rig, numbers, slopes, seeks_eye=seeks_eye),
         slopes[:, :, [kernel.BY_INDEX]] * rig.index_std,
         slopes[:, :, [kernel.BY_EDGE]] * (EDGE_SHARE * sigmas_px)[:, None, None],
         _of_tags(tags, slopes, carrier),
@@ -89,9 +91,11 @@ def ripple_px(
     return focal / away * depth * (1.0 - 1.0 / rig.index) * slope_rad
 
 
-def _of_cameras(rig: Rig, numbers: IntArray, slopes: FloatArray) -> FloatArray:
+def _of_cameras(rig: Rig, numbers: IntArray, slopes: FloatArray, *, seeks_eye: bool) -> FloatArray:
     """Return what the calibration's errors do: cameras with lens and edge, and the level."""
-    own = slopes[:, :, kernel.EYE_PLACE : kernel.BY_LEVEL]
+    own = slopes[:, :, kernel.EYE_PLACE : kernel.BY_LEVEL].copy()
+    if seeks_eye:
+        own[:, :, : kernel.BY_LENS - kernel.EYE_PLACE] = 0.0
     rows = rig.root[:-1].reshape(len(rig.cameras), CAMERA_ERRORS, -1)[numbers]
     return own @ rows + slopes[:, :, [kernel.BY_LEVEL]] * rig.root[-1]
 

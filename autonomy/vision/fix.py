@@ -105,6 +105,8 @@ class Fix:
     """The part that does not; nobody may claim less."""
     tank_considered_covariance: FloatArray
     """The same for ``pose``, whose place does not follow the water, shape ``(6, 6)``."""
+    by_rig: FloatArray
+    """By how much ``pose`` errs the other way when the rig errs by a column of ``Rig.root``."""
     rms: float
     """Root mean square of the corners' residuals, in standard deviations."""
     margin: float
@@ -170,6 +172,7 @@ class Fix:
             noise_covariance=move @ self.noise_covariance @ move.T,
             considered_covariance=move @ self.considered_covariance @ move.T,
             tank_considered_covariance=move @ self.tank_considered_covariance @ move.T,
+            by_rig=move @ self.by_rig,
         )
 
 
@@ -385,33 +388,14 @@ class _Search:
             cameras, self.numbers, carriers, self._corners, self._rig.level_m, self._rig.index
         )
         residuals = self._measured - seen.pixels
-        root = considered_root(
-            self._rig,
-            self._shown,
-            self.numbers,
-            seen.slopes,
-            self._sigmas,
-            eyes_m=cameras[:, kernel.EYE : kernel.EDGE],
-            carrier=carriers[0],
-            after_s=self._after_s,
-            velocity_std_m_s=VELOCITY_STD_M_S,
-        )
-        first = kernel.EYE_PLACE if self._seeks_eye else kernel.BODY_PLACE
-        own = seen.slopes[:, :, first : first + 6]
-        off = np.linalg.norm(residuals, axis=2) / self._sigmas[:, None]
-        weights = 1.0 / np.maximum(1.0, off / kernel.HUBER) / self._sigmas[:, None] ** 2
-        weighted = own * np.repeat(weights, 2, axis=1)[:, :, None]
         try:
             noise = np.linalg.inv(H)
         except np.linalg.LinAlgError:
             return None
-        pull = np.tensordot(weighted, root, axes=((0, 1), (0, 1)))
-        level = self._rig.root[-1]  # a level error moves what a depth means, and what it tells
-        if self._telemetry[kernel.HAS_DEPTH] > 0.0:
-            pull[2, : len(level)] -= level / self._telemetry[kernel.DEPTH_STD] ** 2
-        A = noise @ pull
-        in_tank = A @ A.T
-        A[2, : len(level)] += level
+        eyes_m = cameras[:, kernel.EYE : kernel.EDGE]
+        A = noise @ self._pull(seen.slopes, residuals, eyes_m, carriers[0])
+        in_tank, by_rig = A @ A.T, A[:, : self._rig.root.shape[1]].copy()
+        A[2, : by_rig.shape[1]] += self._rig.root[-1]  # a depth is counted from the level
         rest = A @ A.T
         if not (np.isfinite(noise + rest).all() and (np.diag(noise) > 0.0).all()):
             return None
@@ -421,6 +405,7 @@ class _Search:
             0.5 * (noise + noise.T),
             rest,
             in_tank,
+            by_rig,
             rms,
             margin,
             tuple(sorted({s.camera for s in self._used})),
@@ -429,6 +414,33 @@ class _Search:
             residuals,
             self._used,
         )
+
+    def _pull(
+        self, slopes: FloatArray, residuals: FloatArray, eyes_m: FloatArray, carrier: Pose
+    ) -> FloatArray:
+        """Return what each considered error of one standard deviation adds to the right side."""
+        root = considered_root(
+            self._rig,
+            self._shown,
+            self.numbers,
+            slopes,
+            self._sigmas,
+            eyes_m=eyes_m,
+            carrier=carrier,
+            after_s=self._after_s,
+            velocity_std_m_s=VELOCITY_STD_M_S,
+            seeks_eye=self._seeks_eye,
+        )
+        first = kernel.EYE_PLACE if self._seeks_eye else kernel.BODY_PLACE
+        own = slopes[:, :, first : first + 6]
+        off = np.linalg.norm(residuals, axis=2) / self._sigmas[:, None]
+        weights = 1.0 / np.maximum(1.0, off / kernel.HUBER) / self._sigmas[:, None] ** 2
+        weighted = own * np.repeat(weights, 2, axis=1)[:, :, None]
+        pull = np.tensordot(weighted, root, axes=((0, 1), (0, 1)))
+        if self._telemetry[kernel.HAS_DEPTH] > 0.0:
+            level = self._rig.root[-1]
+            pull[2, : len(level)] -= level / self._telemetry[kernel.DEPTH_STD] ** 2
+        return pull
 
 
 def _carriers(

@@ -76,7 +76,6 @@ class Lens:
         numbers = (kind, *self.focal_px, *self.principal_px, *self.distortion, *rest)
         packed = np.array([*numbers, 0.0])
         packed[kernel.FOLD] = fold(packed)
-        packed.setflags(write=False)
         object.__setattr__(self, "packed", packed)
 
     @classmethod

@@ -1,7 +1,7 @@
 """Compiled lens: a point before the camera to its pixel with derivatives, and a pixel to its ray.
 
-A lens is handed over as one array, in the order of the names below. ``autonomy.vision.reference``
-has the same equations in their readable form.
+A lens is handed over as one array, in the order of the names below. The same equations in their
+readable form are in ``autonomy.vision.reference.optics``.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Compiled refraction: through the surface of the water from above, and through a flat port.
 
-``autonomy.vision.reference`` has the same equations in their readable form.
+``autonomy.vision.reference.optics`` has the same equations in their readable form.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Where cameras see tags: the compiled sight for many views at once, and its readable form."""
+"""Where cameras see tags: the compiled sight for many views at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
-from autonomy.vision import reference
 from autonomy.vision import sight_kernel as kernel
 from autonomy.vision.camera import Camera
 from autonomy.vision.rigid import Pose
@@ -58,29 +57,3 @@ def corners_seen(
     one = np.zeros(1, dtype=np.int64)
     carriers = [Pose.identity()]
     return sights(camera.packed[None], one, carriers, corners_ned_m[None], level_m, index).pixels[0]
-
-
-def corners_seen_plainly(
-    camera: Camera, corners_ned_m: FloatArray, level_m: float, index: float
-) -> FloatArray:
-    """Return the same by the readable optics; the tag must be seen whole."""
-    eye = camera.pose.position_m
-    seen = corners_ned_m.copy()
-    wet = corners_ned_m[:, 2] > level_m
-    if camera.port is None and wet.any():
-        flat = corners_ned_m[wet, :2] - eye[:2]
-        distance = np.hypot(flat[:, 0], flat[:, 1])
-        height = np.full(len(flat), level_m - eye[2])
-        depth = corners_ned_m[wet, 2] - level_m
-        way = reference.surface_way_m(distance, height, depth, index)
-        seen[wet, :2] = eye[:2] + flat * (way / distance)[:, None]
-        seen[wet, 2] = level_m
-    before = camera.pose.inverse.of_points(seen)
-    if camera.port is not None:
-        distance = np.hypot(before[:, 0], before[:, 1])
-        slope = reference.port_slope(camera.port, distance, before[:, 2], index)
-        before = np.column_stack([before[:, :2] * (slope / distance)[:, None], np.ones(4)])
-    pixels = reference.project(camera.lens, before)
-    ahead = np.roll(pixels, -1, axis=0) - pixels
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    return pixels + camera.edge_px * (ahead - np.roll(ahead, 1, axis=0))

@@ -43,7 +43,8 @@ class Adjustment:
     rig: Rig
     """With the joint covariance of cameras, lenses, edges and level."""
     layout: Layout
-    """Every tag that was seen where it was found; the others as surveyed."""
+    """Every tag that was seen where it was found, and how well; the others as surveyed. Another
+    adjustment begins with the survey, not with this."""
     rms: float
     """Root mean square residual, in standard deviations."""
     tag_rms_px: Mapping[int, float]
@@ -92,20 +93,20 @@ def adjust(
         index: Index of refraction of the water.
     """
     seen = [s for s in sightings if layout.tag(s.tag_id) is not None]
-    placed: list[Camera] = []
+    begun: list[Camera] = []
     for camera in cameras:
         mine = [s for s in seen if s.camera == camera.name]
-        found = _placed(camera, mine, layout, level_m, index)
+        found = placed(camera, mine, layout, level_m, index)
         if isinstance(found, Refusal):
             return found
-        placed.append(found)
-    used = [s for s in seen if any(s.camera == camera.name for camera in placed)]
-    problem = _Problem(placed, lens_covariances, layout, used, level_m, level_std_m, index)
+        begun.append(found)
+    used = [s for s in seen if any(s.camera == camera.name for camera in begun)]
+    problem = _Problem(begun, lens_covariances, layout, used, level_m, level_std_m, index)
     problem.run()
     return problem.judged()
 
 
-def _placed(
+def placed(
     camera: Camera, sightings: Sequence[Sighting], layout: Layout, level_m: float, index: float
 ) -> Camera | Refusal:
     """Return a camera where its tags put it, or why that cannot be."""
@@ -297,13 +298,14 @@ class _Problem:
         whole[np.ix_(self._free, self._free)] = _inverse(H[np.ix_(self._free, self._free)])
         end = self._level_at + 1
         rig = Rig(tuple(self._cameras), self._level_m, whole[:end, :end], self._index)
+        stds = np.sqrt(np.diag(whole)[end:].reshape(-1, 2, 3).mean(axis=2))  # of place and turn
         found = {
             tag.id: replace(
                 Tag.at_pose(tag.id, tag.size_m, pose),
-                position_std_m=tag.position_std_m,
-                angle_std_deg=tag.angle_std_deg,
+                position_std_m=float(place),
+                angle_std_deg=math.degrees(turn),
             )
-            for tag, pose in zip(self._surveyed, self._poses, strict=True)
+            for tag, pose, (place, turn) in zip(self._surveyed, self._poses, stds, strict=True)
         }
         layout = Layout(tuple(found.get(tag.id, tag) for tag in self._layout.tags))
         return Adjustment(rig, layout, self._rms, self._tag_rms_px())

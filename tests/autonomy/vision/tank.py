@@ -12,7 +12,7 @@ from autonomy.vision.corner import area_px2, corner_sigma_px
 from autonomy.vision.fix import Sighting
 from autonomy.vision.lens import Lens
 from autonomy.vision.rigid import Pose
-from autonomy.vision.sight import corners_seen
+from autonomy.vision.sight import sights
 from autonomy.vision.tag import Bundle, Layout, Tag
 from tests.autonomy.vision.boards import drawn_views
 
@@ -145,10 +145,16 @@ def see(
     """
     edge = edge_share * float(rng.normal())
     found: list[Sighting] = []
-    for camera in cameras:
-        for tag in tags:
-            corners_m = carrier.of_points(tag.corners_m)
-            corners = corners_seen(camera, corners_m, level_m, index)
+    everywhere = carrier.of_points([tag.corners_m for tag in tags])
+    packed = np.array([camera.packed for camera in cameras])
+    numbers = np.repeat(np.arange(len(cameras)), len(tags))
+    still = [Pose.identity()] * len(numbers)
+    exact = sights(
+        packed, numbers, still, np.tile(everywhere, (len(cameras), 1, 1)), level_m, index
+    )
+    for i, camera in enumerate(cameras):
+        for j, tag in enumerate(tags):
+            corners_m, corners = everywhere[j], exact.pixels[i * len(tags) + j]
             if not np.isfinite(corners).all() or not camera.lens.shows(corners, 5.0).all():
                 continue
             sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)

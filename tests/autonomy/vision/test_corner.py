@@ -7,10 +7,10 @@ from autonomy.vision.corner import (
     area_px2,
     corner_sigma_px,
     fit_corners,
-    fit_plainly,
     light_of_grey,
     mean_side_px,
 )
+from autonomy.vision.reference import corner as reference
 from tests.autonomy.vision.drawn_tag import draw, tilted_square
 
 
@@ -49,7 +49,7 @@ def test_a_curve_that_is_not_undone_makes_the_square_smaller():
 def test_kernel_does_what_the_readable_fit_does():
     for side in (18, 40):
         for _, picture, start in patches(side, n=4):
-            wanted, width2 = fit_plainly(picture, start, light_of_grey())
+            wanted, width2 = reference.fit_corners(picture, start, light_of_grey())
             fit = fit_corners(picture, start)
             assert fit.corners_px == pytest.approx(wanted, abs=1e-6)
             assert width2 > 0.0

@@ -18,6 +18,7 @@ from autonomy.vision.fix import (
 )
 from autonomy.vision.lens import Lens
 from autonomy.vision.quality import Expectation, Water, judge
+from autonomy.vision.reference.pose import robot_pose
 from autonomy.vision.refraction import FlatPort
 from autonomy.vision.rigid import Pose, rotation_of, turned_by_rad
 from autonomy.vision.tag import Tag
@@ -65,6 +66,25 @@ def test_a_robot_that_points_north_nose_down_to_starboard_of_the_middle_says_so(
     roll, pitch, heading = np.degrees(fix.pose.angles_rad)
     assert (roll, pitch, heading) == pytest.approx((0.0, -20.0, 0.0), abs=1.5)
     assert fix.position_ned_m == pytest.approx([2.3, 1.9, 0.3], abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "outlier_px"), [(None, 0.0), (Telemetry.of_tilt(0.12, -0.28, 0.51), 5.0)]
+)
+def test_kernel_does_what_the_readable_search_does(telemetry, outlier_px):
+    sightings = noisy(3)
+    wrong = sightings[1].corners_px.copy()
+    wrong[0, 0] += outlier_px
+    sightings[1] = replace(sightings[1], corners_px=wrong)
+    rig = Rig(tuple(replace(camera, edge_px=0.1) for camera in CAMERAS), level_m=0.01)
+    start = POSE.moved(np.full(3, 0.02), np.full(3, 0.05))
+    wanted, covariance = robot_pose(rig, ROBOT.tags, sightings, start, telemetry)
+    fix = find_robot(rig, ROBOT.tags, sightings, telemetry=telemetry)
+    assert fix.pose.position_m == pytest.approx(wanted.position_m, abs=1e-6)
+    assert turned_by_rad(fix.pose.rotation, wanted.rotation) < 1e-5
+    if outlier_px == 0.0:
+        size = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+        assert fix.noise_covariance / size == pytest.approx(covariance / size, abs=0.02)
 
 
 def test_depth_is_told_below_the_real_surface():

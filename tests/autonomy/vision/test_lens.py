@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from autonomy.vision import reference
 from autonomy.vision.lens import Lens
+from autonomy.vision.reference import optics
 from tests.autonomy.vision.slopes import finite_differences
 
 PINHOLE = Lens(
@@ -30,7 +30,7 @@ def test_a_ray_leads_back_to_its_pixel(lens):
 @LENSES
 def test_kernel_does_what_the_readable_lens_does(lens):
     points = lens.rays(picture(lens) + 0.3) * 0.3
-    assert np.abs(lens.project(points) - reference.project(lens, points)).max() < 1e-9
+    assert np.abs(lens.project(points) - optics.project(lens, points)).max() < 1e-9
 
 
 @LENSES

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from autonomy.vision import reference
 from autonomy.vision.lens import Lens
+from autonomy.vision.reference import optics
 from autonomy.vision.refraction import FlatPort, deepened, surface_sights, underwater_rays
 from tests.autonomy.vision.slopes import finite_differences
 
@@ -47,7 +47,7 @@ def test_kernel_does_what_the_readable_surface_does_even_at_grazing_sight():
     distance, depth = rng.uniform(0.0, 60.0, 500), 10.0 ** rng.uniform(-6.0, 1.5, 500)
     points = EYE + np.column_stack([distance, np.zeros(500), 2.5 + depth])
     sights, _ = surface_sights(EYE, points)
-    wanted = reference.surface_way_m(distance, np.full(500, 2.5), depth, 1.333)
+    wanted = optics.surface_way_m(distance, np.full(500, 2.5), depth, 1.333)
     assert np.abs(sights[:, 0] - wanted).max() < 1e-9
 
 
@@ -111,7 +111,7 @@ def test_a_port_whose_media_are_all_air_is_the_pinhole():
 def test_kernel_does_what_the_readable_port_does():
     points = points_behind_the_port()
     sights, _ = PORT.sights(points)
-    wanted = reference.port_slope(PORT, np.hypot(points[:, 0], points[:, 1]), points[:, 2], 1.333)
+    wanted = optics.port_slope(PORT, np.hypot(points[:, 0], points[:, 1]), points[:, 2], 1.333)
     assert np.hypot(sights[:, 0], sights[:, 1]) == pytest.approx(wanted, rel=1e-9)
 
 

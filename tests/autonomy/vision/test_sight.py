@@ -5,9 +5,10 @@ import pytest
 
 from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
 from autonomy.vision.lens import Lens
+from autonomy.vision.reference import optics
 from autonomy.vision.refraction import FlatPort
 from autonomy.vision.rigid import Pose
-from autonomy.vision.sight import corners_seen, corners_seen_plainly, sights
+from autonomy.vision.sight import corners_seen, sights
 from autonomy.vision.tag import Tag
 from tests.autonomy.vision.slopes import finite_differences
 from tests.autonomy.vision.tank import looking, overhead_cameras
@@ -30,7 +31,7 @@ def seen(camera, carrier, level=0.02, index=1.333):
 @CASES
 def test_kernel_does_what_the_readable_optics_do(camera):
     corners = CARRIER.of_points(TAG.corners_m)
-    wanted = corners_seen_plainly(camera, corners, 0.02, 1.333)
+    wanted = optics.corners_seen(camera, corners, 0.02, 1.333)
     assert corners_seen(camera, corners, 0.02, 1.333) == pytest.approx(wanted, abs=1e-8)
     assert seen(camera, CARRIER)[0] == pytest.approx(wanted, abs=1e-8)
 
@@ -40,7 +41,7 @@ def test_a_plate_that_is_half_out_of_the_water_is_seen_corner_by_corner(camera):
     corners = Tag(100, 0.2, (1.5, 1.3, 0.6), pitch_deg=60.0).corners_m
     level = 0.6
     assert (corners[:, 2] > level).sum() == 2
-    wanted = corners_seen_plainly(camera, corners, level, 1.333)
+    wanted = optics.corners_seen(camera, corners, level, 1.333)
     assert corners_seen(camera, corners, level, 1.333) == pytest.approx(wanted, abs=1e-8)
 
 

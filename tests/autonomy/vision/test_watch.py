@@ -8,11 +8,12 @@ import pytest
 
 from autonomy.vision.calibration.accuracy import accuracy_on_the_spot
 from autonomy.vision.calibration.adjustment import Adjustment, adjust, averaged
+from autonomy.vision.calibration.readjustment import readjusted
 from autonomy.vision.calibration.refusal import Refusal
 from autonomy.vision.calibration.watch import camera_stands
 from autonomy.vision.calibration.water_level import fit_level, ripple_slope_rad
 from autonomy.vision.fix import find_robot
-from autonomy.vision.rigid import Pose, rotation_of
+from autonomy.vision.rigid import Pose, rotation_of, turned_by_rad
 from tests.autonomy.vision.tank import (
     LENS,
     ROBOT,
@@ -127,10 +128,39 @@ def test_a_bumped_camera_is_noticed_within_seconds(tank, calibration, bump, stan
 
 @pytest.mark.parametrize("slope_deg", [0.0, 0.25])
 def test_cameras_that_were_not_bumped_are_left_alone(tank, calibration, slope_deg):
-    for seed in range(20):
-        seen = pictures(tank, 15, seed, slope_rad=math.radians(slope_deg))
+    for seed in range(12):
+        seen = pictures(tank, 12, seed, slope_rad=math.radians(slope_deg))
         stands = camera_stands(calibration.rig, calibration.layout, seen)
         assert max(found.shift_px for found in stands) < 0.45
+
+
+def test_a_bumped_camera_is_adjusted_again_alone(tank, calibration):
+    surprises = []
+    for seed in range(5):
+        cameras = bumped(tank, turn_deg=0.8, move_m=0.02)
+        seen = averaged(pictures(tank, 20, seed, cameras=cameras))
+        rig = readjusted(calibration.rig, calibration.layout, "tank-2", seen)
+        off = rig.cameras[1].pose.position_m - cameras[1].pose.position_m
+        assert np.linalg.norm(off) < 0.008
+        assert turned_by_rad(rig.cameras[1].pose.rotation, cameras[1].pose.rotation) < 0.002
+        surprises.append(off**2 / np.diag(rig.covariance)[16:19])
+        assert rig.covariance[:16, :16] == pytest.approx(calibration.rig.covariance[:16, :16])
+        stands = camera_stands(rig, calibration.layout, pictures(tank, 5, seed, cameras=cameras))
+        assert [found.stand for found in stands] == ["holds"] * 3
+    assert np.mean(surprises) < 3.0
+    stds = [np.sqrt(np.diag(one.covariance)[16:19]) for one in (rig, calibration.rig)]
+    assert (stds[0] > 0.5 * stds[1]).all()
+    assert (stds[0] < 2.0 * stds[1]).all()
+
+
+def test_a_camera_that_cannot_be_adjusted_again_stays(tank, calibration):
+    seen = pictures(tank, 1)
+    few = [s for s in seen if s.camera != "tank-2" or s.tag_id < 103]
+    answer = readjusted(calibration.rig, calibration.layout, "tank-2", few)
+    assert isinstance(answer, Refusal)
+    assert "tank-2 sees 3 fixed tags" in answer.reason
+    with pytest.raises(ValueError, match="no camera tank-9"):
+        readjusted(calibration.rig, calibration.layout, "tank-9", seen)
 
 
 def test_a_camera_that_sees_too_few_tags_is_unknown(tank, calibration):

@@ -1,4 +1,4 @@
-"""The optics once more, in their readable form, against which tests hold the kernels.
+"""Lens, surface and port in their readable form, and where a camera sees a tag through them.
 
 Nothing is fast here and nothing is differentiated; inverses are found by bisection.
 """
@@ -6,6 +6,7 @@ Nothing is fast here and nothing is differentiated; inverses are found by bisect
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.vision.camera import Camera
 from autonomy.vision.lens import Lens
 from autonomy.vision.refraction import FlatPort
 
@@ -78,3 +79,32 @@ def port_slope(
         is_below = reach_m(middle) < distance_m
         low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
     return np.tan(0.5 * (low + high))
+
+
+def corners_seen(
+    camera: Camera, corners_ned_m: FloatArray, level_m: float, index: float
+) -> FloatArray:
+    """Return where a camera sees the corners of one tag, shapes ``(4, 3)`` m and ``(4, 2)`` px.
+
+    The tag must be seen whole.
+    """
+    eye = camera.pose.position_m
+    seen = corners_ned_m.copy()
+    wet = corners_ned_m[:, 2] > level_m
+    if camera.port is None and wet.any():
+        flat = corners_ned_m[wet, :2] - eye[:2]
+        distance = np.hypot(flat[:, 0], flat[:, 1])
+        height = np.full(len(flat), level_m - eye[2])
+        depth = corners_ned_m[wet, 2] - level_m
+        way = surface_way_m(distance, height, depth, index)
+        seen[wet, :2] = eye[:2] + flat * (way / distance)[:, None]
+        seen[wet, 2] = level_m
+    before = camera.pose.inverse.of_points(seen)
+    if camera.port is not None:
+        distance = np.hypot(before[:, 0], before[:, 1])
+        slope = port_slope(camera.port, distance, before[:, 2], index)
+        before = np.column_stack([before[:, :2] * (slope / distance)[:, None], np.ones(4)])
+    pixels = project(camera.lens, before)
+    ahead = np.roll(pixels, -1, axis=0) - pixels
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    return pixels + camera.edge_px * (ahead - np.roll(ahead, 1, axis=0))

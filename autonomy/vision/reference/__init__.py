@@ -1,0 +1,1 @@
+"""Readable versions of the compiled kernels, against which tests hold these."""
