@@ -50,9 +50,15 @@ LATER = (
     "autonomy.tracking.predictive.search",
     search_step("weighted"),
     "simulator.ahead.ensemble",
+    "autonomy.vision.pose_kernel",
+    "autonomy.vision.sight_kernel",
+    "autonomy.vision.corner_kernel",
+    "autonomy.vision.lens_kernel",
+    "autonomy.vision.refraction_kernel",
 )
 """Steps for all else: first what a robot needs that follows a target, then the station's work, the
-most wanted first. The last flies missions ahead, by the kernels of the flight and its own."""
+most wanted first. The ensemble flies missions ahead, by the kernels of the flight and its own; what
+comes after it is for tanks with cameras."""
 
 STEPS = (*FLIGHT, *LATER)
 """A step is a module with ``warm_up()``, which calls each of its kernels; what stands behind a
