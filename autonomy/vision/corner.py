@@ -19,6 +19,7 @@ GAMMA = 2.2
 """Of a camera whose curve is not known."""
 _SIGMA_PX, _SIGMA_SIDE_PX, _SIGMA_POWER, _SHARP_PX = 0.05, 32.0, 1.7, 0.8
 _FARTHEST_PX, _FARTHEST_SHARE = 3.0, 0.1
+_FARTHEST_PIXEL = 1e5
 _UNFITTED = 3.0
 """How much more noise the corners have that the detector found."""
 
@@ -57,9 +58,11 @@ def fit_corners(
         a corner would move by more than 3 px and a tenth of the side.
     """
     start = np.array(corners_px, dtype=np.float64)
+    if not are_pixels(start):
+        return CornerFit(start, _UNFITTED * corner_sigma_px(0.0, 0.0), 0.0, is_fitted=False)
     table = light_of_grey() if light is None else light
     found, variance = start.copy(), -1.0
-    if min(picture.shape) >= 2 and np.isfinite(start).all():
+    if min(picture.shape) >= 2:
         variance = kernel.fit_into(np.ascontiguousarray(picture), table, found)
     return judged(start, found, variance)
 
@@ -74,6 +77,11 @@ def judged(start_px: FloatArray, found_px: FloatArray, variance_px2: float) -> C
     blur = float(np.sqrt(max(width2 - kernel.BOX_VARIANCE_PX2, 0.0)))
     sigma = corner_sigma_px(mean_side_px(found_px), blur)
     return CornerFit(found_px, sigma, blur, is_fitted=True)
+
+
+def are_pixels(corners_px: FloatArray) -> bool:
+    """Tell whether these are four finite places that may be in a picture or around it."""
+    return corners_px.shape == (4, 2) and bool((np.abs(corners_px) <= _FARTHEST_PIXEL).all())
 
 
 def corner_sigma_px(side_px: float, blur_px: float) -> float:

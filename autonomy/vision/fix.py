@@ -29,7 +29,7 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.vision import pose_kernel as kernel
 from autonomy.vision.camera import Camera, Rig
 from autonomy.vision.considered import considered_root
-from autonomy.vision.corner import area_px2
+from autonomy.vision.corner import are_pixels, area_px2
 from autonomy.vision.refraction import surface_sights
 from autonomy.vision.rigid import Pose, skew, turned_by_rad
 from autonomy.vision.sight import sights
@@ -40,8 +40,12 @@ VELOCITY_STD_M_S = 0.05
 """How well the velocity is known that brings sightings of different moments together."""
 TILT_STD_RAD, DEPTH_STD_M = math.radians(2.0), 0.005
 LEAST_AREA_PX2 = 64.0
+LEAST_SIGMA_PX, GREATEST_SIGMA_PX = 1e-4, 100.0
+GREATEST_AFTER_S = 10.0
+_DEEPEST_M = 1e4
 _MOST_STARTS = 4
 _HELD_RAD = 0.002
+_NO_UNIT = 0.01
 _TURNED_RAD = math.radians(5.0)
 _PLAUSIBLE_RMS = 4.0
 """A guess is believed without others if it explains several views so well."""
@@ -82,11 +86,11 @@ class Telemetry:
 
     @property
     def packed(self) -> FloatArray:
-        """The same for the kernel, shape ``(8,)``; what is not finite says nothing."""
+        """The same for the kernel, shape ``(8,)``; what cannot be says nothing."""
         rows = np.zeros(kernel.TELEMETRY_SIZE)
-        if self.down is not None and np.isfinite(self.down).all():
+        if self.down is not None and abs(math.hypot(*self.down) - 1.0) < _NO_UNIT:
             rows[kernel.HAS_DOWN : kernel.HAS_DEPTH] = 1.0, *self.down, self.tilt_std_rad
-        if self.depth_m is not None and math.isfinite(self.depth_m):
+        if self.depth_m is not None and abs(self.depth_m) <= _DEEPEST_M:
             rows[kernel.HAS_DEPTH :] = 1.0, self.depth_m, self.depth_std_m
         return rows
 
@@ -188,12 +192,12 @@ def sighting_fault(sighting: Sighting, rig: Rig) -> str | None:
     corners, number = sighting.corners_px, rig.number(sighting.camera)
     if number is None:
         return "the camera is not calibrated"
-    if corners.shape != (4, 2) or not np.isfinite(corners).all():
+    if not are_pixels(corners):
         return "corners are not finite"
-    if not (math.isfinite(sighting.sigma_px) and sighting.sigma_px > 0.0):
-        return "the corners' noise is no number above 0"
-    if not math.isfinite(sighting.after_s):
-        return "the time is not finite"
+    if not LEAST_SIGMA_PX <= sighting.sigma_px <= GREATEST_SIGMA_PX:
+        return "the corners' noise is no number of pixels above 0"
+    if not abs(sighting.after_s) <= GREATEST_AFTER_S:
+        return "the time of the picture is not that of the fix"
     ahead = np.roll(corners, -1, axis=0) - corners
     turning = ahead[:, 0] * np.roll(ahead[:, 1], -1) - ahead[:, 1] * np.roll(ahead[:, 0], -1)
     if not (turning > 0.0).all():

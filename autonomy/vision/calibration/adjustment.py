@@ -15,7 +15,8 @@ from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.vision import sight_kernel as kernel
 from autonomy.vision.calibration.refusal import Refusal
 from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
-from autonomy.vision.fix import NoFix, Sighting, find_camera, sighting_fault
+from autonomy.vision.corner import are_pixels
+from autonomy.vision.fix import GREATEST_SIGMA_PX, NoFix, Sighting, find_camera, sighting_fault
 from autonomy.vision.refraction import FRESH_WATER_INDEX
 from autonomy.vision.rigid import Pose, turn_of
 from autonomy.vision.sight import sights
@@ -55,10 +56,12 @@ def averaged(sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
     """Return the mean of many pictures, one sighting for each camera and tag.
 
     Its noise is that of a mean, by the scatter that was seen if that is more than was claimed, and
-    what no averaging takes away.
+    what no averaging takes away. Sightings without numbers are passed over.
     """
     groups: dict[tuple[str, int], list[Sighting]] = {}
     for sighting in sightings:
+        if not are_pixels(sighting.corners_px) or not 0.0 < sighting.sigma_px <= GREATEST_SIGMA_PX:
+            continue
         groups.setdefault((sighting.camera, sighting.tag_id), []).append(sighting)
     means: list[Sighting] = []
     for (camera, tag_id), group in sorted(groups.items()):

@@ -33,6 +33,7 @@ GREATEST_VIEW_SHARE = 3.0
 LEAST_TILT_RAD = math.radians(10.0)
 """The boards of some two pictures must be turned against each other by so much."""
 _LEAST_RMS_PX = 0.05
+_FARTHEST_PIXEL = 1e5
 _MOST_STEPS = 60
 _FOCAL_TRIES = np.geomspace(0.25, 4.0, 33)
 """Focal lengths to begin with, in widths of the picture."""
@@ -69,7 +70,11 @@ def calibrate_lens(
         height_px: Of the pictures.
         views: Boards in air; those with fewer than 20 corners are left out.
     """
-    usable = [v for v in views if len(v.pixels) >= FEWEST_CORNERS and np.isfinite(v.pixels).all()]
+    usable = [
+        view
+        for view in views
+        if len(view.pixels) >= FEWEST_CORNERS and (np.abs(view.pixels) <= _FARTHEST_PIXEL).all()
+    ]
     if len(usable) < FEWEST_VIEWS:
         return Refusal(
             f"only {len(usable)} pictures show {FEWEST_CORNERS} corners or more; "
