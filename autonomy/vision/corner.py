@@ -15,6 +15,8 @@ import numpy.typing as npt
 from autonomy.arrays import FloatArray
 from autonomy.vision import corner_kernel as kernel
 
+AROUND = np.array([1, 2, 3, 0])
+"""The corner after each."""
 GAMMA = 2.2
 """Of a camera whose curve is not known."""
 _SIGMA_PX, _SIGMA_SIDE_PX, _SIGMA_POWER, _SHARP_PX = 0.05, 32.0, 1.7, 0.8
@@ -97,10 +99,10 @@ def corner_sigma_px(side_px: float, blur_px: float) -> float:
 
 def mean_side_px(corners_px: FloatArray) -> float:
     """Return the mean side of a tag in the picture."""
-    return float(np.linalg.norm(np.roll(corners_px, -1, axis=0) - corners_px, axis=1).mean())
+    return float(np.linalg.norm(corners_px[AROUND] - corners_px, axis=1).mean())
 
 
 def area_px2(corners_px: FloatArray) -> float:
     """Return the area of a tag in the picture, negative where its corners run the wrong way."""
     u, v = corners_px[:, 0], corners_px[:, 1]
-    return 0.5 * float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1)))
+    return 0.5 * float(np.sum(u * v[AROUND] - v * u[AROUND]))

@@ -29,7 +29,7 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.vision import pose_kernel as kernel
 from autonomy.vision.camera import Camera, Rig
 from autonomy.vision.considered import considered_root
-from autonomy.vision.corner import are_pixels, area_px2
+from autonomy.vision.corner import AROUND, are_pixels, area_px2
 from autonomy.vision.refraction import surface_sights
 from autonomy.vision.rigid import Pose, skew, turned_by_rad
 from autonomy.vision.sight import sights
@@ -198,8 +198,8 @@ def sighting_fault(sighting: Sighting, rig: Rig) -> str | None:
         return "the corners' noise is no number of pixels above 0"
     if not abs(sighting.after_s) <= GREATEST_AFTER_S:
         return "the time of the picture is not that of the fix"
-    ahead = np.roll(corners, -1, axis=0) - corners
-    turning = ahead[:, 0] * np.roll(ahead[:, 1], -1) - ahead[:, 1] * np.roll(ahead[:, 0], -1)
+    ahead = corners[AROUND] - corners
+    turning = ahead[:, 0] * ahead[AROUND, 1] - ahead[:, 1] * ahead[AROUND, 0]
     if not (turning > 0.0).all():
         return "corners are not convex, or the print is mirrored"
     if area_px2(corners) < LEAST_AREA_PX2:

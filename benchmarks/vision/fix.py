@@ -110,7 +110,10 @@ def by_depth(rows: Any, seed: int) -> Iterator[dict[str, Any]]:
         yield row(f"{name} p95", 1e3 * np.percentile(at[:, 1], 95), "mm", 8.0)
         yield row(f"{name} mean by the thesis's formula", 1e3 * np.nanmean(at[:, 5]), "mm", None)
     better = np.nanmean(rows[:, 5]) / rows[:, 1].mean()
-    yield {**row("Times better than the thesis's formula", better, "", 10.0), "met": bool(better >= 10.0)}
+    yield {
+        **row("Times better than the thesis's formula", better, "", 10.0),
+        "met": bool(better >= 10.0),
+    }
     heading = np.degrees(np.percentile(rows[:, 3], 95))
     yield row("Three cameras: heading p95", heading, "deg", 0.5)
 

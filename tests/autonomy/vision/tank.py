@@ -201,10 +201,11 @@ def true_tank(
     edge_std_px: float = 0.1,
     survey_std_m: float = 0.002,
     survey_std_deg: float = 0.3,
+    lens: Lens = LENS,
 ) -> TrueTank:
     """Return a tank of which lenses, edges, level, index and survey are told wrong at random."""
     rng = np.random.default_rng(seed)
-    told = overhead_cameras()
+    told = overhead_cameras(lens)
     cameras: list[Camera] = []
     for camera in told:
         errors = np.zeros(CAMERA_ERRORS)

@@ -9,6 +9,7 @@ import pytest
 from autonomy.vision.calibration.adjustment import Adjustment, adjust, averaged
 from autonomy.vision.calibration.refusal import Refusal
 from autonomy.vision.fix import Sighting, Telemetry, find_robot
+from autonomy.vision.lens import Lens
 from autonomy.vision.refraction import underwater_rays
 from autonomy.vision.rigid import Pose, turned_by_rad
 from autonomy.vision.tag import Layout
@@ -264,3 +265,16 @@ def test_a_plate_that_is_not_where_the_survey_says_is_named(tanks):
     turned = (*tags[:3], replace(tags[3], heading_deg=tags[3].heading_deg + 5.0), *tags[4:])
     wrong = replace(tank, told_layout=Layout(turned))
     assert "tag 103 is turned by" in refusal(wrong, see_means(tank, 1))
+
+
+def test_fisheye_cameras_are_adjusted_too():
+    lens = Lens("fisheye", 1280, 960, (611.0, 611.0), (635.0, 476.0), (0.02, -0.01, 0.004, -0.001))
+    tank = true_tank(4, lens_covariance(lens), lens=lens)
+    found = adjusted(tank, see_means(tank, 9))
+    assert isinstance(found, Adjustment)
+    for camera, true in zip(found.rig.cameras, tank.cameras, strict=True):
+        assert np.linalg.norm(camera.pose.position_m - true.pose.position_m) <= 0.008
+        assert camera.lens.parameters[8] == 0.0
+    rows = fixes(tank, found.rig, 5, "three", each=4)
+    assert np.median(rows[:, 5]) <= 0.004  # small tags are missed by all cameras but one
+    assert (rows[:, 2] <= INSIDE_95).mean() >= 0.9
