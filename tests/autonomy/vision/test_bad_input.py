@@ -113,7 +113,7 @@ JSON = st.recursive(
 
 
 @given(st.dictionaries(st.sampled_from(["tags", "robot"]), JSON))
-@settings(max_examples=100, deadline=None, phases=PHASES)
+@settings(max_examples=40, deadline=None, phases=PHASES)
 def test_a_document_is_read_or_refused_with_its_path(document):
     for read in (bundle_of, layout_of):
         try:
