@@ -216,6 +216,7 @@ describe('a moment that is typed', () => {
   test('is the next one where no day is said', () => {
     expect(parseUtc('14:32', NOW)).toBe(Date.parse('2026-11-21T14:32:00Z'));
     expect(parseUtc('14:31', NOW)).toBe(Date.parse('2026-11-22T14:31:00Z'));
+    expect(parseUtc('14:31', NOW, true)).toBe(Date.parse('2026-11-21T14:31:00Z'));
   });
 
   test('is none where there is no such moment', () => {

@@ -35,9 +35,9 @@ const DAY_MS = 86_400_000;
 /**
  * A moment as a person types it, UTC: `2026-11-21 14:32`, also with `T`, seconds or `Z`.
  *
- * A time alone, `14:32`, is the next one after now. `null` for what is none, such as 25:00.
+ * A time alone, `14:32`, is the next one after now, or where `isOfDay` that of the same day. `null` for what is none, such as 25:00.
  */
-export function parseUtc(text: string, now: number): number | null {
+export function parseUtc(text: string, now: number, isOfDay = false): number | null {
   const found =
     /^(?:(\d{4}-\d{2}-\d{2})(?:[ T]+|$))?(?:(\d{1,2}):(\d{2})(?::(\d{2}))?\s*[zZ]?)$/.exec(
       text.trim(),
@@ -48,7 +48,7 @@ export function parseUtc(text: string, now: number): number | null {
   const midnight = Date.parse(`${day ?? clockDate(now)}T00:00:00Z`);
   if (Number.isNaN(midnight) || (day !== undefined && clockDate(midnight) !== day)) return null;
   const at = midnight + (Number(hour) * 60 + Number(minute)) * MINUTE_MS + Number(second) * 1000;
-  return day === undefined && at <= now ? at + DAY_MS : at;
+  return day === undefined && !isOfDay && at <= now ? at + DAY_MS : at;
 }
 
 /** 2026-11-21 14:32, as it is typed: seconds only where there are some. */

@@ -181,7 +181,7 @@ export const FIDELITIES = [
 /** `not_a_word` as a person writes it. */
 export function words(key: string): string {
   const spaced = key
-    .replaceAll(/[_.]+/g, ' ')
+    .replaceAll(/_+|\.(?=\D)/g, ' ')
     .replaceAll(/\bmpc\b/g, 'MPC')
     .trim();
   return spaced.charAt(0).toUpperCase() + spaced.slice(1);
