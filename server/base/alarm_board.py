@@ -34,6 +34,7 @@ import itertools
 import logging
 from collections import deque
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
@@ -43,6 +44,7 @@ from typing import Any, Final
 from sqlalchemy.orm import Session
 
 from autonomy.channel import ALARM_LEVELS, AlarmLevel
+from db.actor import Actor, acting
 from db.fault import StoreUnavailableError
 from db.query.station import alarms as query
 from db.query.station.alarms import AlarmRecord
@@ -57,10 +59,14 @@ logger = logging.getLogger(__name__)
 LEVELS = ALARM_LEVELS
 _STANDS = ("alarm.raised", "alarm.changed")
 """Steps after which something is to be seen to."""
+_DEEDS = ("alarm.acknowledged", "alarm.noted", "alarm.assigned", "alarm.shelved")
+"""Steps that people do: they are told that it is done once it is written."""
 _FLUTTER = ("alarm.raised", "alarm.returned")
 _LOGGED_EACH = 10
 """So often a cause that comes and goes unseen is logged each time; then at powers of two."""
 _SAVED_AT_ONCE = 200
+_WRITE_PATIENCE_S: Final = 0.1
+"""An alarm that cannot be written for so long, for something else is, is told before it is."""
 _SUPPRESSED = ("suppressed", "out_of_service")
 _UNSEEN: Mapping[str, None] = MappingProxyType({"acknowledged_at": None, "acknowledged_by": None})
 
@@ -111,13 +117,17 @@ class _Kept:
     at: datetime
     note: str
     """What a person said with it."""
+    actor: Actor | None
+    """Whose doing it is."""
 
 
 class AlarmBoard:
     """The open alarms of the station.
 
     They live in memory and are written through, so that an alarm about failing storage is shown
-    while it cannot be written; it is written once storage works again. Belongs to one event loop.
+    while it cannot be written; it is written once storage works again. One that waits behind a long
+    write is told before it is written, too: what a cause does is told without delay, and what a
+    person does returns once it is written, or storage fails. Belongs to one event loop.
     """
 
     def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
@@ -129,7 +139,7 @@ class AlarmBoard:
         """The same alarms, by cause and robot."""
         self._last_number = 0
         self._unsaved: deque[_Kept] = deque()
-        self._saving = asyncio.Lock()
+        self._saver: asyncio.Task[None] | None = None
 
     async def load(self) -> None:
         """Take up the alarms that were open when the station last ran."""
@@ -322,12 +332,32 @@ class AlarmBoard:
 
     async def save_waiting(self) -> None:
         """Write what is not kept yet, in the order in which it happened, many at a time."""
-        async with self._saving:
-            while self._unsaved:
-                batch = list(itertools.islice(self._unsaved, _SAVED_AT_ONCE))
-                await self._store.write(lambda session, batch=batch: _save(session, batch))
-                for _ in batch:
-                    self._unsaved.popleft()
+        if self._unsaved:
+            await asyncio.shield(self._saving())
+
+    async def stop(self) -> None:
+        """Wait until what is being written is, or storage fails; the store must still be open."""
+        if self._saver is not None:
+            await asyncio.wait([self._saver])
+
+    def _saving(self) -> asyncio.Task[None]:
+        """Return the task that writes all that waits; whoever waits for it leaves it running."""
+        if self._saver is None or self._saver.done():
+            self._saver = asyncio.create_task(self._save(), name="saving alarms")
+            self._saver.add_done_callback(_tell_failure)
+        return self._saver
+
+    async def _save(self) -> None:
+        while self._unsaved:
+            actor = self._unsaved[0].actor
+            alike = itertools.takewhile(
+                lambda kept, actor=actor: kept.actor is actor, self._unsaved
+            )
+            batch = list(itertools.islice(alike, _SAVED_AT_ONCE))
+            acting.set(actor)
+            await self._store.write(lambda session, batch=batch: _write(session, batch))
+            for _ in batch:
+                self._unsaved.popleft()
 
     def _find(self, alarm_id: str) -> AlarmRecord:
         alarm = self._open.get(alarm_id)
@@ -359,13 +389,24 @@ class AlarmBoard:
             self._of_cause.pop(about, None)
         else:
             self._open[alarm.id] = self._of_cause[about] = alarm
-        self._unsaved.append(_Kept(alarm, kind, self._clock.now(), said))
+        self._unsaved.append(_Kept(alarm, kind, self._clock.now(), said, acting.get()))
+        saving = self._saving()
         try:
-            await self.save_waiting()
-        except StoreUnavailableError:
-            logger.warning("alarm %s (%s) waits for the storage", alarm.id, alarm.text)
-        self._bus.publish(AlarmChanged(alarm))
+            await asyncio.wait([saving], timeout=_WRITE_PATIENCE_S)
+        finally:
+            self._bus.publish(AlarmChanged(alarm))
+        if kind in _DEEDS or acting.get() is not None:
+            with suppress(StoreUnavailableError):
+                await asyncio.shield(saving)
         return alarm
+
+
+def _tell_failure(saver: asyncio.Task[None]) -> None:
+    error = None if saver.cancelled() else saver.exception()
+    if isinstance(error, StoreUnavailableError):
+        logger.warning("alarms wait for the storage: %s", error)
+    elif error is not None:
+        logger.error("alarms could not be written", exc_info=error)
 
 
 def _words(state: str) -> str:
@@ -422,7 +463,7 @@ def _data(kept: _Kept) -> dict[str, str | None]:
     return {"alarm": alarm.id, "by": alarm.acknowledged_by}
 
 
-def _save(session: Session, batch: list[_Kept]) -> None:
+def _write(session: Session, batch: list[_Kept]) -> None:
     newest = {kept.alarm.id: kept.alarm for kept in batch}
     query.save_alarms(session, list(newest.values()))
     for kept in batch:

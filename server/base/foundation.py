@@ -105,6 +105,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     bus = EventBus()
     stack.enter_context(_telling(store, bus))
     alarms = AlarmBoard(store, clock, bus)
+    stack.push_async_callback(alarms.stop)
     background = Background(lambda name, error: _part_failed(background, alarms, name, error))
     bus.on_failure = lambda name, error: _part_failed(background, alarms, name, error)
     stack.push_async_callback(background.stop)

@@ -1,7 +1,7 @@
 """The way in: everything that a link decoded, into the database first and then to who waits.
 
 Samples are lossless: a robot is told to forget one only after it was committed, and one that comes
-twice is stored once. Gauges are latest-wins and do not wait for the database.
+twice is stored once. Gauges and alarms are latest-wins and do not wait for the database.
 """
 
 import asyncio
@@ -344,6 +344,7 @@ class Ingest:
         self._append(told)
         if self._is_possible(told.robot, catalogue[key], told.value):
             self._samples.append(told)
+            self._fleet.take_sample(told)
         else:
             self._refused.append(told)
 
@@ -362,6 +363,7 @@ class Ingest:
         self._append(told)
         if self._is_possible(told.robot, catalogue[key], told.value):
             self._readings.append(told)
+            self._fleet.take_reading(told)
 
     def _refuse_channel(self, robot: RobotId, key: str) -> None:
         """Say once of each channel that nobody here knows what its values mean."""
@@ -456,10 +458,6 @@ class Ingest:
         if error is not None:
             log.error("telemetry was not stored: %s", error)
             return
-        for sample in told.samples:
-            self._fleet.take_sample(sample)
-        for reading in told.readings:
-            self._fleet.take_reading(reading)
         if told.samples or told.refused:
             self._bus.publish(SamplesStored(told.samples, told.refused))
         if told.readings:

@@ -19,7 +19,9 @@ async def _raise(folder: Path, first: int) -> None:
             raised = (
                 foundation.alarms.raise_(cause, f"{cause}.", level="severe") for cause in causes
             )
-            for alarm in await asyncio.gather(*raised):
+            alarms = await asyncio.gather(*raised)
+            await foundation.alarms.save_waiting()
+            for alarm in alarms:
                 sys.stdout.write(f"{alarm.cause}\n")
             sys.stdout.flush()
 

@@ -6,7 +6,9 @@ import pytest
 
 from autonomy.channel import CHANNELS
 from robot_link.report import Reading
+from server.base.event_bus import AlarmChanged
 from tests.server.alarm.judge import crossings
+from tests.server.busy_writer import busy_writer
 from tests.server.conftest import MINI, until
 
 pytestmark = pytest.mark.usefixtures("in_threads")
@@ -95,3 +97,21 @@ async def test_limits_of_the_station_are_judged_at_once(station, client, world):
         await client.patch("/api/channels/dissolved_oxygen", json={"alarms": []})
     ).status_code == 200
     await until(lambda: is_over(station, "channel dissolved_oxygen"))
+
+
+async def test_a_leak_is_told_to_the_page_while_something_long_is_written(station, client, world):
+    """A large import holds the only writer; neither one alarm nor the next waits for it."""
+    told = []
+    foundation = station.foundation
+    foundation.bus.subscribe(AlarmChanged, lambda event: told.append(event.alarm.cause))
+    await until(lambda: foundation.store.waiting_rows == 0)
+    async with busy_writer(foundation.store):
+        now = datetime.now(UTC)
+        world.tell(Reading(MINI, "leak", 1.0, now, now))
+        await until(lambda: "channel leak" in told)
+        world.robots[MINI].sample(PLACE, "internal_temperature", 80.0)
+        await until(lambda: "channel internal_temperature" in told)
+        shown = (await client.get("/api/alarms")).json()["alarms"]
+        assert {one["text"] for one in shown} >= {f"{MINI}: Leak says LEAK."}
+        assert foundation.store.waiting_rows > 0
+    await until(lambda: foundation.store.waiting_rows == 0)
