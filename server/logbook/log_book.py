@@ -9,7 +9,6 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.fault import StoreError
 from db.query.log_book.entries import (
     EntryChangedError,
     EntrySignedError,
@@ -26,6 +25,7 @@ from db.query.log_book.entries import (
 from db.query.log_book.told import ToldFilter, place_of, told_events
 from db.query.station.events import EventRecord
 from server.base.foundation import Foundation
+from server.base.periodic import every
 from server.base.problem import FieldError, conflict, unprocessable
 from server.logbook.picture import Pictures
 from server.logbook.view import EntryText
@@ -66,12 +66,11 @@ class LogBook:
 
     async def clean(self) -> None:
         """Throw away pictures that were never put into an entry, until cancelled."""
-        while True:
-            try:
-                await self.clean_once(time.time() - UNUSED_KEPT_S)
-            except (StoreError, OSError) as error:
-                log.warning("unused pictures of the log book stay for now: %s", error)
-            await asyncio.sleep(_CLEAN_EVERY_S)
+        await every(
+            "throwing away unused pictures",
+            _CLEAN_EVERY_S,
+            lambda: self.clean_once(time.time() - UNUSED_KEPT_S),
+        )
 
     async def clean_once(self, before_s: float) -> int:
         """Throw away pictures that no version of any entry has and that were sent before a time.

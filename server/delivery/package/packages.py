@@ -13,7 +13,6 @@ from typing import Final
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
-from db.fault import StoreError
 from db.query.measured.delivery_files import DeliveryFile, delivery_files, kept_files
 from db.query.measured.delivery_packages import (
     DeliveryPackage,
@@ -23,6 +22,7 @@ from db.query.measured.delivery_packages import (
 from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.job import JobProgress
+from server.base.periodic import every
 from server.base.study import worked_out
 from server.delivery.file_task import PART, KeptFile
 from server.delivery.files import FOLDER, Wish, Writing, order_of, refuse_changed, write_kept
@@ -126,12 +126,11 @@ class DeliveryPackages:
 
     async def clean(self) -> None:
         """Clear away what expired, until cancelled."""
-        while True:
-            await asyncio.sleep(_CLEAN_EVERY_S)
-            try:
-                await self._clean_once(time.time() - _CLEAN_EVERY_S)
-            except (StoreError, OSError) as error:
-                log.warning("expired deliveries stay for now: %s", error)
+        await every(
+            "clearing away deliveries",
+            _CLEAN_EVERY_S,
+            lambda: self._clean_once(time.time() - _CLEAN_EVERY_S),
+        )
 
     async def _clean_once(self, before_s: float) -> None:
         """Clear away what is older than a time of the wall: what is new may be in no table yet."""
@@ -177,7 +176,11 @@ def cleared(
     """
     gone = 0
     for path in folder.iterdir() if folder.is_dir() else ():
-        if path.stat().st_mtime >= before_s:
+        try:
+            is_new = path.stat().st_mtime >= before_s
+        except FileNotFoundError:
+            continue  # a worker has just renamed it
+        if is_new:
             continue
         known = files if path.suffix == ".nc" else packages
         is_part = path.name.startswith(".") and PART in path.name

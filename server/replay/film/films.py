@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import math
+import os
 import secrets
 import shutil
 import time
@@ -20,6 +21,7 @@ from db.query.fleet.deployments import deployment_at
 from robot_link.messages import RobotId
 from server.base.foundation import Foundation
 from server.base.job import JobPerKey, JobProgress
+from server.base.periodic import every
 from server.base.problem import FieldError, not_found, unprocessable
 from server.base.study import worked_out
 from server.fleet.fleet import Fleet
@@ -152,11 +154,12 @@ class Films:
 
     async def clean(self) -> None:
         """Clear away what expired, until cancelled."""
-        while True:
-            await asyncio.sleep(_CLEAN_EVERY_S)
-            gone = await asyncio.to_thread(cleared, self._folder, time.time() - _CLEAN_EVERY_S)
-            if gone:
-                log.info("%d films that expired were removed", gone)
+        await every("clearing away films", _CLEAN_EVERY_S, self._clean_once)
+
+    async def _clean_once(self) -> None:
+        gone = await asyncio.to_thread(cleared, self._folder, time.time() - _CLEAN_EVERY_S)
+        if gone:
+            log.info("%d films that expired were removed", gone)
 
     async def _work(self, order: FilmOrder, progress: JobProgress) -> FilmResult:
         progress.report(0.0, "Waiting for a free process")
@@ -186,12 +189,27 @@ def refuse_stretch(session: Session, robot: RobotId, first: datetime, last: date
 def kept_films(folder: Path) -> Iterator[FilmFile]:
     """Yield the films that lie whole in the folder of a robot."""
     kinds: dict[str, Kind] = {ending: kind for kind, ending in ENDINGS.items()}
-    for one in folder.iterdir() if folder.is_dir() else ():
-        for path in one.iterdir() if one.is_dir() and not one.name.startswith(".") else ():
-            if path.suffix in kinds:
-                told = path.stat()
+    for one in _listed(folder):
+        for path in () if one.name.startswith(".") else _listed(one):
+            if path.suffix in kinds and (told := _told(path)) is not None:
                 at = datetime.fromtimestamp(told.st_mtime, UTC)
                 yield FilmFile(one.name, kinds[path.suffix], path, told.st_size, at)
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Return what lies in a folder; nothing of one that is none, or is cleared away just now."""
+    try:
+        return list(folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def _told(path: Path) -> os.stat_result | None:
+    """Return what is known of a file; ``None`` if it is renamed or cleared away just now."""
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
 
 
 def cleared(folder: Path, before_s: float) -> int:
@@ -202,11 +220,13 @@ def cleared(folder: Path, before_s: float) -> int:
         before_s: What is not whole goes if it was changed before this time of the wall.
     """
     gone = 0
-    for robot in folder.iterdir() if folder.is_dir() else ():
-        for one in robot.iterdir() if robot.is_dir() else ():
-            changed_s = one.stat().st_mtime
+    for robot in _listed(folder):
+        for one in _listed(robot):
+            told = _told(one)
             is_part = one.name.startswith(".") and one.name.endswith(PART)
-            if changed_s < (before_s if is_part else time.time() - KEPT.total_seconds()):
+            if told is not None and told.st_mtime < (
+                before_s if is_part else time.time() - KEPT.total_seconds()
+            ):
                 shutil.rmtree(one, ignore_errors=True)
                 gone += 1
     return gone

@@ -21,7 +21,7 @@ from db.store import Store
 from server.access.role import Role
 from server.base.worker import WorkCancelledError, WorkerTaskError
 from server.replay.film import task
-from server.replay.film.films import KEPT, cleared
+from server.replay.film.films import KEPT, cleared, kept_films
 from server.replay.film.order import FilmOrder
 from server.replay.film.picture import HEIGHT, WIDTH, ticks
 from server.replay.film.scene import SceneFilm
@@ -170,6 +170,17 @@ def test_films_that_expired_and_halves_are_cleared_and_others_stay(tmp_path):
     assert {one.name for one in (tmp_path / MINI).iterdir()} == {"new", ".ab.part"}
     assert cleared(tmp_path, float("inf")) == 1
     assert [one.name for one in (tmp_path / MINI).iterdir()] == ["new"]
+
+
+def test_what_a_worker_renames_meanwhile_keeps_nothing_else_from_being_cleared(tmp_path):
+    for name in (".a.part", ".z.part"):
+        (tmp_path / MINI / name).mkdir(parents=True)
+    (tmp_path / MINI / "film").mkdir()
+    for gone in (".m.part", "film/film.zip"):
+        # Listed, and gone when it is asked for: as a folder that is renamed in between.
+        (tmp_path / MINI / gone).symlink_to(tmp_path / "gone")
+    assert cleared(tmp_path, float("inf")) == 2
+    assert list(kept_films(tmp_path / MINI)) == []
 
 
 async def ended(client, job):
