@@ -65,6 +65,7 @@ def robot_then(
     workshop: Site,
     at: datetime,
     told: Collection[str],
+    channels: ChannelCatalogue,
     *,
     heard: bool,
 ) -> RobotThen:
@@ -76,6 +77,7 @@ def robot_then(
         workshop: Its water where it was in no deployment.
         at: The moment.
         told: Columns of its state reports that it ever told.
+        channels: What can be measured; what cannot be true of one counts as little as it did live.
         heard: Whether only what the station had heard by then counts.
 
     Raises:
@@ -95,7 +97,14 @@ def robot_then(
         at=at,
         site=workshop if deployment is None else deployment.site,
         deployment=deployment,
-        known=known_then(session, robot, at, told, heard_by=at if heard else None),
+        known=known_then(
+            session,
+            robot,
+            at,
+            told,
+            ranges={key: (one.low, one.high) for key, one in channels.items()},
+            heard_by=at if heard else None,
+        ),
         plan=plan,
         leg=leg,
         alarms=alarms_standing_at(session, robot, at, _ALARMS_MAX),
@@ -129,7 +138,7 @@ class ChannelsThen:
         """Return the newest value of every channel, with its age at the moment."""
         known = then.known
         found = self._reported(known.reported, then.at)
-        measured = {key: one for key, one in known.measured.items() if key in self._catalogue}
+        measured = known.measured
         for key, one in measured.items():
             found[key] = self._field(key, one, then.at)
         for key, sample in self._derived(robot, then, measured).items():

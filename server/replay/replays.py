@@ -6,6 +6,7 @@ from datetime import datetime
 from typing import Final
 
 from autonomy.channel import ALARM_LEVELS
+from db.deployment_span import Period
 from db.query.fleet.deployments import DeploymentRecord, deployment_at
 from db.query.measured.moment import told_columns
 from db.record import same
@@ -42,8 +43,9 @@ class Replays:
     def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
         self._foundation = foundation
         self._fleet = fleet
-        self._told: OrderedDict[tuple[RobotId, str], frozenset[str]] = OrderedDict()
-        """Which columns were ever told, by robot and deployment that is over."""
+        self._told: OrderedDict[tuple[RobotId, Period, int], frozenset[str]] = OrderedDict()
+        """Which columns were ever told, by robot and by time and rows of a deployment that is over:
+        a person may correct its times, and a recording or a card bring more."""
         self._reading = asyncio.Lock()
 
     async def moment(self, robot: RobotId, at: datetime, clock: Clock) -> RobotThenView:
@@ -57,10 +59,10 @@ class Replays:
         if record.kind == "recorded":
             clock = "measured"  # nobody heard a recording
         at = moment_asked(at, self._foundation.clock.now())
-        told = await self._ever_told(robot, at)
+        told, channels = await self._ever_told(robot, at), self._foundation.channels.catalogue
         then = await self._foundation.store.query(
             lambda session: robot_then(
-                session, robot, record.site, at, told, heard=clock == "received"
+                session, robot, record.site, at, told, channels, heard=clock == "received"
             )
         )
         return self._view(robot, then, clock)
@@ -99,7 +101,8 @@ class Replays:
         )
         if deployment is None or deployment.ended_at is None:
             return frozenset()
-        key, period = (robot, deployment.id), deployment.period
+        period = deployment.period
+        key = (robot, period, deployment.rows)
         async with self._reading:
             if key not in self._told:
                 self._told[key] = await self._foundation.store.query(

@@ -128,7 +128,8 @@ def moment_of(
         known_map: Returns a map that was drawn before, by its key.
     """
     robot = recorded.robot
-    known = known_then(session, robot, at, (), heard_by=at if clock == "received" else None)
+    heard_by = at if clock == "received" else None
+    known = known_then(session, robot, at, (), ranges={}, heard_by=heard_by)
     plan = plan_on_board_at(session, robot, at)
     leg = None
     if plan is not None and plan.sha256 is not None and plan.state == "running":

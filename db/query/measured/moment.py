@@ -1,6 +1,6 @@
 """What was known of a robot at a moment: the newest value of everything that it had measured."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -77,6 +77,7 @@ def known_then(
     at: datetime,
     told: Collection[str],
     *,
+    ranges: Mapping[str, tuple[float, float]],
     heard_by: datetime | None = None,
 ) -> KnownThen:
     """Return the newest of everything that a robot had measured by a moment, that one included.
@@ -87,6 +88,8 @@ def known_then(
         at: The moment.
         told: Columns of its state reports that it ever told; see ``told_columns``. What is not
             among them is looked for in the last reports alone.
+        ranges: Least and greatest value that can be true, of each channel that counts; what a robot
+            told beyond is kept, and used for nothing.
         heard_by: Only what the station had heard by then. Samples and readings are left out: of
             them is not kept when they arrived.
 
@@ -99,7 +102,7 @@ def known_then(
         where.append(StateRow.received_at <= heard_by)
     newest = _newest_of_each(session, where, told)
     place, mode = newest.get("north_m"), newest.get("mode")
-    measured = _measured(session, key, at)
+    measured = _measured(session, key, at, ranges)
     return KnownThen(
         mode=None if mode is None else RobotMode(mode["mode"]),
         mode_at=None if mode is None else mode["measured_at"],
@@ -211,10 +214,14 @@ def _place(row: Any) -> PlaceThen:  # noqa: ANN401 - a row of some columns
     )
 
 
-def _measured(session: Session, key: int, at: datetime) -> dict[str, ValueThen]:
-    """Return the newest sample, or else reading, of each channel."""
+def _measured(
+    session: Session, key: int, at: datetime, ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, ValueThen]:
+    """Return the newest sample, or else reading, of each channel that can be true."""
     found: dict[str, ValueThen] = {}
     for channel, name in session.execute(select(ChannelRow.key, ChannelRow.name)).all():
+        if name not in ranges:
+            continue
         for table in (SampleRow, ReadingRow):
             row = session.execute(
                 select(table.value, table.measured_at)
@@ -222,6 +229,7 @@ def _measured(session: Session, key: int, at: datetime) -> dict[str, ValueThen]:
                     table.robot_key == key,
                     table.channel_key == channel,
                     table.measured_at <= at,
+                    table.value.between(*ranges[name]),
                 )
                 .order_by(table.measured_at.desc())
                 .limit(1)

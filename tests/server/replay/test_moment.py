@@ -2,11 +2,14 @@
 
 from datetime import UTC, datetime, timedelta
 
+from sqlalchemy import update
+
 from db.query.fleet.robots import robot_key
 from db.query.station.alarms import AlarmRecord, save_alarm
 from db.query.station.events import add_event
-from db.tables import StateRow
-from tests.server.conftest import MINI
+from db.tables import Deployment, StateRow
+from server.replay.replays import Replays
+from tests.server.conftest import MINI, until
 from tests.server.scene.test_replay import report
 
 SECOND = timedelta(seconds=1)
@@ -106,3 +109,45 @@ async def test_an_alarm_stands_from_when_it_was_raised_until_it_was_normal_again
     assert await told(50) == [False]
     assert await told(30) == [True]
     assert await told(10) == []
+
+
+async def test_what_cannot_be_true_counts_as_little_as_it_did_live(client, station, world):
+    """The newest value that can be true stays; what the robot told since is kept, and not used."""
+    world.robots[MINI].sample((1.0, 0.5, 0.2), "internal_temperature", 21.0)
+    world.robots[MINI].sample((1.0, 0.5, 0.2), "internal_temperature", 5000.0)
+
+    async def stored():
+        answer = await client.get(f"/api/robots/{MINI}/channels")
+        return [one["samples"] for one in answer.json() if one["key"] == "internal_temperature"]
+
+    async def both():
+        return await stored() == [2]
+
+    await until(both)
+    live = (await client.get(f"/api/robots/{MINI}/state")).json()["channels"]
+    then = (await moment(client, datetime.now(UTC)))["channels"]
+    assert live["internal_temperature"]["value"] == 21.0
+    assert then["internal_temperature"]["value"] == 21.0
+
+
+async def test_corrected_times_of_a_deployment_have_what_it_told_counted_anew(station):
+    replays, store = station.foundation.services.get(Replays), station.foundation.store
+    at = datetime.now(UTC)
+    begun, first, asked = at - 3000 * SECOND, at - 2000 * SECOND, at - 1000 * SECOND
+
+    def write(session):
+        key = robot_key(session, MINI)
+        session.add(StateRow(robot_key=key, measured_at=begun, received_at=begun, battery_v=12.0,
+                             position_std_m=0.1, has_fix=False, mode=1,
+                             north_m=1.0, east_m=0.5, depth_m=0.2))  # fmt: skip
+        return set_times(session, first)
+
+    def set_times(session, started_at):
+        session.execute(
+            update(Deployment).values(started_at=started_at, ended_at=at - 500 * SECOND)
+        )
+
+    await store.write(write)
+    assert "battery_v" not in await replays._ever_told(MINI, asked)
+    await store.write(lambda session: set_times(session, begun - SECOND))
+    assert "battery_v" in await replays._ever_told(MINI, asked)
