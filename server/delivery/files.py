@@ -33,7 +33,6 @@ from server.delivery.file_task import KeptFile
 from server.delivery.package.order import words_sha256
 from server.delivery.quality import wanted_of
 
-JOB = "file"
 FOLDER: Final = "delivery"
 """Of the data folder."""
 SIGNED: Final = ("reviewed", "delivered")

@@ -107,12 +107,14 @@ class Notices:
             if known is None:
                 put_setting(session, _CURSOR, {"cursor": last_cursor(session)})
                 return []
-            wanted = EventFilter(kinds=tuple(EVENT_TOPICS))
             escalation.end_vanished(session, {alarm.id for alarm in alarms}, now)
-            return events_after(session, int(known["cursor"]), wanted, limit=_AT_ONCE)
+            return _untold(session, int(known["cursor"]))
 
-        self._events = await self._store.write(read)
-        self._changed = {alarm.id: alarm for alarm in alarms}
+        untold = await self._store.write(read)
+        # What was told meanwhile is newer, and may be among what was read.
+        known = {event.cursor: event for event in (*untold, *self._events)}
+        self._events = [known[cursor] for cursor in sorted(known)]
+        self._changed = {alarm.id: alarm for alarm in alarms} | self._changed
         self._wakeups.wake()
 
     async def run(self) -> None:
@@ -214,6 +216,17 @@ class Notices:
         except UnknownIdError:
             log.info("%s has gone since something waited for it", contact)
             return None
+
+
+def _untold(session: Session, cursor: int) -> list[EventRecord]:
+    """Return every event after a cursor that people are told of, the oldest first."""
+    wanted, found = EventFilter(kinds=tuple(EVENT_TOPICS)), list[EventRecord]()
+    while True:
+        part = events_after(session, cursor, wanted, limit=_AT_ONCE)
+        found += part
+        if len(part) < _AT_ONCE:
+            return found
+        cursor = part[-1].cursor
 
 
 def _drop_unseen(session: Session, contact: str, person: Reachable) -> None:

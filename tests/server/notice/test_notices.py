@@ -1,6 +1,8 @@
 """Alarms on their way to people: told, digested, escalated, kept through a kill."""
 
+import asyncio
 import time
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -9,9 +11,12 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from db.notice_tables import NoticeItem
+from db.query.station.events import add_event, events_after, last_cursor
 from db.query.station.people import change_person
+from db.query.station.settings import put_setting
 from robot_link.clock import SystemClock
 from server.access.role import Role
+from server.base.event_bus import AlarmChanged, EventLogged
 from server.notice import delivery, outbox
 from tests.server.conftest import GRACE, MINI, until
 from tests.server.fake_link import World, state_report
@@ -421,3 +426,40 @@ async def test_link_acknowledges_alarms_of_robots_that_its_person_may_pilot_and_
     assert (await here.client.post(address)).status_code == 200
     seen = {alarm.robot for alarm in here.alarms.open if alarm.acknowledged_at is not None}
     assert seen == {MINI}
+
+
+async def test_a_station_that_starts_takes_up_every_event_and_what_happens_meanwhile(
+    here: NoticeStation, monkeypatch: pytest.MonkeyPatch
+):
+    store, at = here.foundation.store, SystemClock().now()
+    monkeypatch.setattr(here.notices, "event_logged", lambda event: None)
+    count = 2 * outbox._AT_ONCE + 3
+    alarm = await here.alarms.raise_("leak", "It leaks.")
+
+    def write(session: Session) -> int:
+        cursor = last_cursor(session)
+        put_setting(session, outbox._CURSOR, {"cursor": cursor})
+        for number in range(count):
+            add_event(session, at, "plan.done", f"Plan {number} is done.", robot=MINI)
+        return cursor
+
+    with monkeypatch.context() as patch:
+        patch.setattr(here.notices, "_plan", _nothing)
+        cursor = await store.write(write)
+        fresh = outbox.Notices(here.foundation, dict, here.notices.deliveries._sender)
+        patch.setattr(fresh.deliveries, "load", _nothing)
+        loading = asyncio.create_task(fresh.load())
+        await asyncio.sleep(0)
+        worse = replace(alarm, level="critical")
+        fresh.alarm_changed(AlarmChanged(worse))
+        (late,) = await store.query(lambda session: events_after(session, cursor, limit=1))
+        late = replace(late, cursor=cursor + count + 10)
+        fresh.event_logged(EventLogged(late))
+        await loading
+    assert len(fresh._events) == count + 1
+    assert fresh._events[-1] is late
+    assert fresh._changed == {alarm.id: worse}
+
+
+async def _nothing() -> None:
+    return None
