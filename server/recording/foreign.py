@@ -35,7 +35,7 @@ from server.recording.intake import (
     scores_of,
     without_map,
 )
-from server.recording.keep import Kept, Source, hashed, keep_recording, source_of
+from server.recording.keep import Held, Kept, Source, hashed, hold, keep_recording, source_of
 from server.recording.kept_mapping import keep_mapping
 from server.recording.table import Policy, Recording, RowFault
 from server.recording.upload import forget_upload
@@ -193,9 +193,12 @@ async def run_confirmed(
     thread = ThreadWork(progress)
     progress.report(_CONVERTED_SHARE, f"Keeping {len(converted.time_s):,} rows")
     recording, at = recording_of(converted), clock.now()
+    held = await thread.result(store.query(lambda s: hold(s, wanted.robot, recording)))
     try:
         kept = await thread.result(
-            store.write(lambda s: keep_confirmed(s, wanted, converted, at=at, go_on=thread.go_on))
+            store.write(
+                lambda s: keep_confirmed(s, wanted, converted, at=at, held=held, go_on=thread.go_on)
+            )
         )
     except StoreError as error:
         raise JobError(str(error)) from error
@@ -324,6 +327,7 @@ def keep_confirmed(
     converted: Converted,
     *,
     at: datetime,
+    held: Held | None = None,
     go_on: Callable[[], None] = lambda: None,
 ) -> Kept:
     """Keep the rows, the flags of the files and the template, all of it or nothing.
@@ -342,7 +346,7 @@ def keep_confirmed(
     )
     recording = recording_of(converted)
     kept = keep_recording(
-        session, wanted.robot, recording, source, at=at, by=wanted.by, go_on=go_on
+        session, wanted.robot, recording, source, at=at, by=wanted.by, held=held, go_on=go_on
     )
     for channel, flags in converted.flags.items():
         told = np.isfinite(converted.values[channel])

@@ -26,7 +26,7 @@ from server.base.channels import catalogue_in
 from server.base.job import JobError, JobProgress, ThreadWork
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.deployment.view import RecordedScores
-from server.recording.keep import Kept, hashed, keep_recording, positions_ned, source_of
+from server.recording.keep import Held, Kept, hashed, hold, keep_recording, positions_ned, source_of
 from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
 from server.recording.table import (
     Policy,
@@ -115,9 +115,10 @@ async def run_import(
     recording, file = await thread.result(asyncio.to_thread(read_order, order, told))
     progress.report(READ_SHARE, f"Keeping {len(recording.time_s)} rows")
     at = clock.now()
+    held = await thread.result(store.query(lambda s: hold(s, order.robot, recording)))
     try:
         kept = await thread.result(
-            store.write(lambda s: keep_order(s, order, recording, file, at, thread.go_on))
+            store.write(lambda s: keep_order(s, order, recording, file, at, held, thread.go_on))
         )
     except StoreError as error:
         raise JobError(str(error)) from error
@@ -170,6 +171,7 @@ def keep_order(
     recording: Recording,
     file: ImportedFile,
     at: datetime,
+    held: Held | None = None,
     go_on: Callable[[], None] = lambda: None,
 ) -> Kept:
     """Keep the rows, all of them or none.
@@ -179,7 +181,9 @@ def keep_order(
         WorkStoppedError: If ``go_on`` says so.
     """
     source = source_of(order.title, (file,))
-    return keep_recording(session, order.robot, recording, source, at=at, by=order.by, go_on=go_on)
+    return keep_recording(
+        session, order.robot, recording, source, at=at, by=order.by, held=held, go_on=go_on
+    )
 
 
 def fit_problem(session: Session, robot: str, recording: Recording) -> FitProblem:

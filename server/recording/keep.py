@@ -28,7 +28,7 @@ from db.query.fleet.robots import RobotRecord, add_robot, change_robot, get_robo
 from db.query.station.events import add_event
 from robot_link.messages import RobotId
 from server.base.channels import catalogue_in
-from server.recording.merge import Merge, keep, merge
+from server.recording.merge import Merge, keep, kept_mark, merge
 from server.recording.table import Recording
 
 ROBOT_ID: Final = r"^[a-z0-9][a-z0-9-]{0,39}$"
@@ -81,6 +81,41 @@ class Kept:
     differs: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """A recording held against what was kept of its robot."""
+
+    mark: tuple[float, ...]
+    """Another one once something else is kept."""
+    positions: FloatArray
+    """Shape ``(n, 3)``, m, in the frame of the robot's site."""
+    merged: Merge
+
+
+def hold(session: Session, robot: str, recording: Recording) -> Held | None:
+    """Hold a recording against what is kept of its robot; ``None`` if nobody knows that robot.
+
+    It reads much and may take long; what it found is used by ``keep_recording`` if it still holds.
+    """
+    try:
+        record = get_robot(session, robot)
+    except UnknownIdError:
+        return None
+    return _hold(session, record, recording)
+
+
+def _hold(session: Session, record: RobotRecord, recording: Recording) -> Held:
+    positions = positions_ned(record.site, recording)
+    merged = merge(session, robot_key(session, record.id), recording, positions)
+    return Held(_mark(session, record, recording), positions, merged)
+
+
+def _mark(session: Session, record: RobotRecord, recording: Recording) -> tuple[float, ...]:
+    site = record.site
+    origin = (site.origin_latitude_deg, site.origin_longitude_deg)
+    return (*origin, *kept_mark(session, robot_key(session, record.id), recording))
+
+
 def source_of(title: str, hashes: Sequence[ImportedFile], **more: Any) -> Source:  # noqa: ANN401 - fields of a source
     """Return the source of files that were hashed; one file is named as it always was."""
     digests = sorted(one.sha256 for one in hashes)
@@ -98,6 +133,7 @@ def keep_recording(
     *,
     at: datetime,
     by: str,
+    held: Held | None = None,
     go_on: Callable[[], None] = _go_on,
 ) -> Kept:
     """Keep a recording, all of it or nothing, in the caller's transaction.
@@ -106,7 +142,8 @@ def keep_recording(
     marked so, with a site around the track whose origin is the track's centre; the site of a robot
     of recordings grows around further ones. Rows that are kept already are not kept again. What is
     new joins the deployment that it is said to belong to, or that has a part of its time; else it
-    becomes one of its own.
+    becomes one of its own. What ``hold`` found is used if nothing was kept since, and else found
+    anew, so that this transaction, during which nothing else is written, need not read all.
 
     Raises:
         DeploymentExistsError: If these very files are there already.
@@ -124,12 +161,13 @@ def keep_recording(
             "choose another name."
         )
     refuse_known(session, robot, source.log, source.files)
-    positions = positions_ned(record.site, recording)
+    if held is None or held.mark != _mark(session, record, recording):
+        held = _hold(session, record, recording)
+    merged = held.merged
     if record.system_id is None and not record.links and record.water is None:
-        water = _union(record.site.water, _box_around(positions))
+        water = _union(record.site.water, _box_around(held.positions))
         site = record.site.model_copy(update={"water": water, "domain": water})
         change_robot(session, robot, site=site.model_dump())
-    merged = merge(session, robot_key(session, robot), recording, positions)
     target = _target(session, robot, recording, source)
     if target is None and not merged.changes:
         raise DeploymentExistsError(

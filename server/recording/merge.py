@@ -67,12 +67,25 @@ class Merge:
         return bool(self.is_new.any()) or any(len(_better(self, one)) for one in self.series)
 
 
+def kept_mark(session: Session, robot_key: int, recording: Recording) -> tuple[int, ...]:
+    """Return what is another one once ``merge`` would look at anything else."""
+    return imported.kept_mark(session, robot_key, *_around(_moments_us(recording)))
+
+
+def _moments_us(recording: Recording) -> IntArray:
+    return np.round(recording.time_s * 1e6).astype(np.int64)
+
+
+def _around(at_us: IntArray) -> tuple[int, int]:
+    return int(at_us[0]) - _MARGIN_US, int(at_us[-1]) + _MARGIN_US
+
+
 def merge(
     session: Session, robot_key: int, recording: Recording, position_ned: FloatArray
 ) -> Merge:
     """Hold a recording against what is kept of its robot."""
-    at_us = np.round(recording.time_s * 1e6).astype(np.int64)
-    first, last = int(at_us[0]) - _MARGIN_US, int(at_us[-1]) + _MARGIN_US
+    at_us = _moments_us(recording)
+    first, last = _around(at_us)
     series: list[_Series] = []
     has_new, has_other, has_value = (np.zeros(len(at_us), dtype=np.bool_) for _ in range(3))
     for channel, values in recording.values.items():

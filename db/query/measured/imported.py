@@ -12,8 +12,16 @@ from autonomy.arrays import FloatArray, IntArray
 from db.column import moment
 from db.ingest import insert_new
 from db.sample_ingest import NewSample, insert_samples, place_columns, take_out
-from db.sample_tables import ChannelRow, RecoveredSample, SampleLog, SampleRow, SampleRun
-from db.tables import STATE_CHANNELS, Deployment, StateRow
+from db.sample_tables import (
+    COARSE_S,
+    ChannelRow,
+    RecoveredSample,
+    SampleLog,
+    SampleRollup,
+    SampleRow,
+    SampleRun,
+)
+from db.tables import STATE_CHANNELS, Deployment, Event, StateRow
 from robot_link.messages import STATE
 
 BATCH_ROWS = 5_000
@@ -95,6 +103,43 @@ def known_states(
     at = np.array([row[0] for row in rows], dtype=np.int64)
     table = np.array([row[1:] for row in rows], dtype=np.float64).reshape(-1, len(keys))
     return at, {key: table[:, place] for place, key in enumerate(keys)}
+
+
+def kept_mark(session: Session, robot_key: int, first_us: int, last_us: int) -> tuple[int, ...]:
+    """Return what is another one after anything was kept of a robot between two moments.
+
+    It reads sums alone. Measurements that telemetry brings are counted, and so are void recordings;
+    what recordings and cards put in the place of others is told by events.
+    """
+    samples = session.scalar(
+        select(func.coalesce(func.sum(SampleRollup.size), 0)).where(
+            SampleRollup.robot_key == robot_key,
+            SampleRollup.channel_key.in_(select(ChannelRow.key)),
+            SampleRollup.length_s == COARSE_S,
+            SampleRollup.stretch >= first_us // (COARSE_S * 1_000_000),
+            SampleRollup.stretch <= last_us // (COARSE_S * 1_000_000),
+        )
+    )
+    states = session.scalar(
+        select(func.count())
+        .select_from(StateRow)
+        .where(
+            StateRow.robot_key == robot_key,
+            StateRow.measured_at >= moment(first_us),
+            StateRow.measured_at <= moment(last_us),
+        )
+    )
+    event = session.scalar(
+        select(func.max(Event.cursor)).where(
+            Event.robot_key == robot_key, Event.kind.startswith("deployment.")
+        )
+    )
+    void = session.scalar(
+        select(func.count())
+        .select_from(Deployment)
+        .where(Deployment.robot_key == robot_key, Deployment.void_reason != "")
+    )
+    return int(samples or 0), int(states or 0), int(event or 0), int(void or 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,14 +10,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from autonomy.channel import CHANNELS
+from db.query.fleet.deployment_change import void_deployment
 from db.query.fleet.deployments import list_deployments
 from db.query.fleet.recordings import DeploymentExistsError, ImportedFile
+from db.query.measured import imported
 from db.query.measured.samples import sample_columns
 from db.query.measured.telemetry import track
 from db.store import Store
 from server.recording.duplicate import matches
 from server.recording.foreign import recording_of
-from server.recording.keep import keep_recording, source_of
+from server.recording.keep import hold, keep_recording, source_of
 from server.recording.table import Recording
 from server.recording_file.conversion import convert
 from server.recording_file.mapping import proposed
@@ -48,11 +50,16 @@ def converted(folder, paths):
     return convert(raw, proposed(raw, CHANNELS), CHANNELS)
 
 
-def kept(store, name, rows):
+def held(store, rows):
+    with store.read() as session:
+        return hold(session, "eva", rows)
+
+
+def kept(store, name, rows, before=None):
     digest = hashlib.sha256(name.encode()).hexdigest()
     source = source_of(name, (ImportedFile(name, digest),))
     return store.change(
-        lambda session: keep_recording(session, "eva", rows, source, at=NOW, by="ann")
+        lambda session: keep_recording(session, "eva", rows, source, at=NOW, by="ann", held=before)
     ).result()
 
 
@@ -93,6 +100,38 @@ def test_a_denser_file_takes_the_place_of_a_sparse_one_in_either_order(stores):
     assert (again.new, again.duplicate) == (0, 20)
     assert told(there) == told(back)
     assert told(there)[1] == {"deployment-1": 100}
+
+
+def test_while_a_recording_is_written_nothing_is_read_of_what_is_kept(stores, monkeypatch):
+    """The writer is one for all: what takes long is done before."""
+    store, rows = stores(), recording(np.arange(0.0, 200.0, 2.0))
+    kept(store, "sbd", recording(np.arange(0.0, 200.0, 10.0)))
+    before = held(store, rows)
+    monkeypatch.setattr(imported, "known_samples", None)
+    monkeypatch.setattr(imported, "known_states", None)
+    again = kept(store, "dbd", rows, before)
+    assert (again.new, again.duplicate) == (80, 20)
+
+
+@pytest.mark.parametrize("change", ["other rows", "denser rows", "a void deployment"])
+def test_a_recording_is_held_anew_against_what_was_kept_meanwhile(stores, change):
+    rows = recording(np.arange(0.0, 200.0, 10.0))
+    outcome = []
+    for is_held in (True, False):
+        store = stores()
+        kept(store, "first", recording(np.arange(0.0, 100.0, 10.0)))
+        before = held(store, rows) if is_held else None
+        if change == "other rows":
+            kept(store, "second", recording(np.arange(100.0, 150.0, 10.0)))
+        elif change == "denser rows":
+            kept(store, "second", recording(np.arange(0.0, 200.0, 5.0)))
+        else:
+            store.change(
+                lambda s: void_deployment(s, "deployment-1", "It was the wrong robot.", NOW)
+            ).result()
+        counts = kept(store, "third", rows, before)
+        outcome.append((counts.new, counts.duplicate, counts.differs, told(store)))
+    assert outcome[0] == outcome[1]
 
 
 def test_what_a_slocum_sent_from_the_surface_is_in_its_own_files(stores, tmp_path):
