@@ -1,10 +1,10 @@
-"""Work that must happen in the order in which it came, and must not be lost while storage fails."""
+"""Work that goes on after storage failed: in the order in which it came, or again and again."""
 
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
-from db.fault import StoreUnavailableError
+from db.fault import StoreError, StoreUnavailableError
 
 log = logging.getLogger(__name__)
 
@@ -25,6 +25,22 @@ async def until_stored(name: str, work: Work) -> None:
         except StoreUnavailableError as error:
             log.warning("%s waits for the storage: %s", name, error)
             await asyncio.sleep(RETRY_S)
+
+
+async def every(name: str, period_s: float, work: Callable[[], Awaitable[object]]) -> None:
+    """Do a piece of work now and then, until cancelled; what it raises otherwise is passed on.
+
+    Args:
+        name: What is done, for the log.
+        period_s: Rest between two times, s of the wall's clock.
+        work: What is done; a failure of files or of the storage leaves it to the next time.
+    """
+    while True:
+        try:
+            await work()
+        except (StoreError, OSError) as error:
+            log.warning("%s: not this time: %s", name, error)
+        await asyncio.sleep(period_s)
 
 
 class RetryQueue:

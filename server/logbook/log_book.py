@@ -25,8 +25,8 @@ from db.query.log_book.entries import (
 from db.query.log_book.told import ToldFilter, place_of, told_events
 from db.query.station.events import EventRecord
 from server.base.foundation import Foundation
-from server.base.periodic import every
 from server.base.problem import FieldError, conflict, unprocessable
+from server.base.retry_queue import every
 from server.logbook.picture import Pictures
 from server.logbook.view import EntryText
 

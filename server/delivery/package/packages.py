@@ -22,7 +22,7 @@ from db.query.measured.delivery_packages import (
 from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.job import JobProgress
-from server.base.periodic import every
+from server.base.retry_queue import every
 from server.base.study import worked_out
 from server.delivery.file_task import PART, KeptFile
 from server.delivery.files import FOLDER, Wish, Writing, order_of, refuse_changed, write_kept

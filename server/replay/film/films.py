@@ -21,8 +21,8 @@ from db.query.fleet.deployments import deployment_at
 from robot_link.messages import RobotId
 from server.base.foundation import Foundation
 from server.base.job import JobPerKey, JobProgress
-from server.base.periodic import every
 from server.base.problem import FieldError, not_found, unprocessable
+from server.base.retry_queue import every
 from server.base.study import worked_out
 from server.fleet.fleet import Fleet
 from server.replay.film import task

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from db.fault import StoreUnavailableError
-from server.base.periodic import every
+from server.base.retry_queue import every
 
 
 async def test_a_failure_of_files_or_storage_leaves_it_to_the_next_time(
