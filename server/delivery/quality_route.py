@@ -86,6 +86,8 @@ class QualityView(View):
     """Null before the first."""
     stretches: list[StretchView]
     """What it found suspect or failing, by series and time."""
+    is_cut: bool
+    """Whether there are more stretches than were asked for."""
     manual: list[ManualFlagView]
     """Those that count, in the order in which they were set: later ones win."""
 
@@ -153,7 +155,9 @@ def _view(session: Session, deployment: str, limit: int) -> QualityView:
     record = get_deployment(session, deployment)
     run = newest_quality_run(session, deployment)
     has_begun = record.started_at is not None
-    found = [] if run is None else quality_stretches(session, run.key, least=SUSPECT, limit=limit)
+    found = (
+        [] if run is None else quality_stretches(session, run.key, least=SUSPECT, limit=limit + 1)
+    )
     return QualityView(
         series=series_of(session, record) if has_begun else [],
         run=None
@@ -167,7 +171,8 @@ def _view(session: Session, deployment: str, limit: int) -> QualityView:
         ),
         stretches=[
             same(StretchView, one, tests=[name for name in one.tests.split(",") if name])
-            for one in found
+            for one in found[:limit]
         ],
+        is_cut=len(found) > limit,
         manual=[same(ManualFlagView, one) for one in manual_flags(session, deployment)],
     )

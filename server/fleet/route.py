@@ -5,6 +5,7 @@ from collections.abc import Awaitable
 from dataclasses import replace
 from typing import Annotated, Literal, TypeVar, cast
 
+import numpy as np
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import AwareDatetime, Field
 from sqlalchemy.orm import Session
@@ -14,7 +15,7 @@ from autonomy.field.fidelity import fidelity_level
 from autonomy.frames import wgs84_from_ned
 from autonomy.seawater import DERIVED, can_derive
 from autonomy.site import Site
-from db.column import moments
+from db.column import microseconds, moments
 from db.fault import UnknownIdError
 from db.query.fleet.channels import told_counts
 from db.query.fleet.robots import (
@@ -23,6 +24,7 @@ from db.query.fleet.robots import (
     change_robot,
 )
 from db.query.measured.derived import derivable, derived_places
+from db.query.measured.flags_at import flags_at
 from db.query.measured.sample_places import SamplePlaces, sample_places
 from db.query.measured.samples import sampled_variables
 from db.query.measured.telemetry import history, track
@@ -171,7 +173,10 @@ async def get_samples(
         bool, Query(description="Say where each was taken; of a field variable only.")
     ] = False,
 ) -> Response:
-    """Return the history of one channel, thinned so that every extreme stays."""
+    """Return the history of one channel, thinned so that every extreme stays.
+
+    Of a deployment each value has the flag of its quality, if there are any.
+    """
     del caller
     thresholds_m = fleet.status(robot).track.thresholds_m
     start, end = cut_to(deployment, robot, start, end)
@@ -187,12 +192,25 @@ async def get_samples(
         )
         view = _placed(robot, channel, unit, placed, thresholds_m)
         return encoded(replace(view, is_derived=is_derived))
-    found = await store.query(
-        lambda session: history(session, robot, channel, start, end, max_points)
-    )
-    return encoded(
-        SamplesView(robot, channel, unit, found.measured_at, found.value, found.decimated)
-    )
+
+    def read_flagged(session: Session) -> SamplesView:
+        found = history(session, robot, channel, start, end, max_points)
+        flags = None
+        if deployment is not None:
+            at_us = np.array([microseconds(at) for at in found.measured_at], dtype=np.int64)
+            flags = flags_at(session, deployment.id, channel, at_us)
+        return SamplesView(
+            robot,
+            channel,
+            unit,
+            found.measured_at,
+            found.value,
+            found.decimated,
+            received_at=found.received_at,
+            flag=None if flags is None else flags.tolist(),
+        )
+
+    return encoded(await store.query(read_flagged))
 
 
 @router.get("/{robot}/channels")

@@ -371,6 +371,11 @@ class SamplesView(View):
     """Whether values were left out; the extremes of every interval are kept."""
     is_derived: bool = False
     """Whether they were computed ashore of what the robot measured."""
+    received_at: list[datetime] | None = None
+    """When the station heard of each, of a channel of the state; of others that is not kept."""
+    flag: list[int] | None = None
+    """Flag of OG1.0 of each, of a deployment that is asked for and has flags: 1 good, 2 probably
+    good, 3 suspect, 4 bad, 0 without any control."""
     north_m: list[float] | None = None
     """Where each was taken, of a field variable and if asked for; smoothed where that was done."""
     east_m: list[float] | None = None

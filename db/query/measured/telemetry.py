@@ -41,6 +41,9 @@ class History:
     value: list[float]
     decimated: bool
     """Whether values were left out; the extremes of every interval are kept."""
+    received_at: list[datetime] | None = None
+    """When the station heard of each; ``None`` of what was sampled or read, of which that is not
+    kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +233,7 @@ def history(
             StateRow.measured_at,
             columns[0] if parts is None else squares,
             (StateRow.robot_key == key, columns[-1].is_not(None), columns[-1] < math.inf),
+            (type_coerce(StateRow.received_at, BigInteger),),
         )
     else:
         series = sample_series(key, channel)
@@ -237,7 +241,8 @@ def history(
             series = _reading_series(key, channel)
     rows, decimated = thinned_rows(session, series, start, end, max_points)
     values = [row[1] if parts is None else math.sqrt(row[1]) for row in rows]
-    return History(moments([row[0] for row in rows]), values, decimated)
+    received_at = moments([row[2] for row in rows]) if series.beside else None
+    return History(moments([row[0] for row in rows]), values, decimated, received_at)
 
 
 @dataclass(frozen=True, slots=True)

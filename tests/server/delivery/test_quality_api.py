@@ -33,6 +33,29 @@ async def test_a_run_flags_what_the_rules_do_not_believe_and_says_by_which(clien
     bad = [one for one in found["stretches"] if one["series"] == "temperature" and one["flag"] == 4]
     assert [one["tests"] for one in bad] == [["spike"], ["range", "spike"], ["spike"]]
     assert found["run"]["counts"]["position"]["all"]["fail"] == 0
+    assert not found["is_cut"]
+    first = await answered(client.get(f"{deployment}/quality?limit=1"))
+    assert (first["stretches"], first["is_cut"]) == (found["stretches"][:1], True)
+
+
+async def test_a_chart_has_the_flags_of_the_rules_and_of_people(client, deployment):
+    asked = f"/api/robots/{MINI}/samples?channel=temperature"
+    ours = f"{asked}&deployment={deployment.rsplit('/', 1)[-1]}"
+    assert (await answered(client.get(ours)))["flag"] is None, "nobody looked"
+    found = await run(client, deployment)
+    told = await answered(client.get(ours))
+    assert sum(one == 4 for one in told["flag"]) == 3
+    assert set(told["flag"]) == {1, 4}
+    bad = [one for one in found["stretches"] if one["series"] == "temperature" and one["flag"] == 4]
+    flagged = zip(told["measured_at"], told["flag"], strict=True)
+    assert {at for at, flag in flagged if flag == 4} >= {one["first_at"] for one in bad}
+    body = {
+        "series": "temperature", "flag": 3, "reason": "A hand on the sensor",
+        "first_at": told["measured_at"][0], "last_at": told["measured_at"][-1],
+    }  # fmt: skip
+    await answered(client.post(f"{deployment}/flags", json=body), 201)
+    assert set((await answered(client.get(ours)))["flag"]) == {3}
+    assert (await answered(client.get(asked)))["flag"] is None, "of no deployment in particular"
 
 
 async def test_rules_of_a_robot_are_a_new_version_and_old_runs_stay(client, deployment):

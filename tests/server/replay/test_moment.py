@@ -55,6 +55,13 @@ async def test_what_was_told_later_counts_by_when_it_was_measured_and_not_by_wha
     assert (await moment(client, at))["channels"]["depth_m"]["value"] == 0.9
     heard = await moment(client, at, clock="received")
     assert (heard["channels"]["depth_m"]["value"], heard["clock"]) == (0.1, "received")
+    drawn = (await client.get(f"/api/robots/{MINI}/samples?channel=depth_m")).json()
+    heard_at = dict(
+        zip(drawn["value"], map(datetime.fromisoformat, drawn["received_at"]), strict=True)
+    )
+    assert (heard_at[0.1], heard_at[0.9]) == (now - 60 * SECOND, now - 20 * SECOND)
+    sampled = (await client.get(f"/api/robots/{MINI}/samples?channel=temperature")).json()
+    assert sampled["received_at"] is None, "when samples arrived is not kept"
     wrong = await client.get(
         f"/api/robots/{MINI}/moment", params={"at": at.isoformat(), "clock": "mine"}
     )

@@ -192,9 +192,10 @@ export type RouteChoice = NonNullable<UploadRequest['route']>;
 export type TargetPhase = TargetReportView['phase'];
 
 type Place = 'north_m' | 'east_m' | 'depth_m' | 'std_m' | 'fidelity';
+type Untold = 'smoothed' | 'received_at' | 'flag';
 /** History of one channel; a sample that was drawn from a track may have no place. */
-export type Samples = Omit<SamplesView, Place | 'smoothed'> &
-  Partial<Pick<SamplesView, 'smoothed'>> & {
+export type Samples = Omit<SamplesView, Place | Untold> &
+  Partial<Pick<SamplesView, Untold>> & {
     readonly [P in Place]?: readonly (number | null)[] | null;
   };
 type Figure = 'rmse' | 'nlpd' | 'wmse' | 'coverage_90' | 'samples';

@@ -2,6 +2,7 @@ import { describe, expect, test } from 'vitest';
 import type uPlot from 'uplot';
 import type { FieldMap, Leg } from '../api/types';
 import { colourTable, tableIndex } from './colour_map';
+import { flagColumns } from './flag_mark';
 import { chartOptions, padded } from './line_chart';
 import { fidelityRuns, legPoints } from './path';
 import {
@@ -258,5 +259,31 @@ describe('a path', () => {
       [2, 3],
       [0, 1],
     ]);
+  });
+});
+
+describe('flags of quality', () => {
+  test('mark suspect and bad values, and keep their places beside a gap', () => {
+    const series = withGaps({ t: [0, 1, 2, 500, 501], v: [1, 2, 3, 4, 5] });
+    expect(series.v).toEqual([1, 2, 3, null, 4, 5]);
+    expect(flagColumns(series, [1, 3, 0, 4, 2])).toEqual([
+      ['suspect', [null, 2, null, null, null, null]],
+      ['bad', [null, null, null, null, 4, null]],
+    ]);
+  });
+
+  test('are no columns of their own where nothing is doubted', () => {
+    expect(flagColumns({ t: [0, 1], v: [1, 2] }, [1, 0])).toEqual([]);
+    expect(flagColumns({ t: [0, 1], v: [1, 2] }, [])).toEqual([]);
+  });
+
+  test('are drawn by shapes and not by a line', () => {
+    const lines = [
+      { label: 'Depth', unit: 'm', colour: '--text' },
+      { label: 'Bad', unit: '', colour: '--alarm', mark: 'bad' as const },
+    ];
+    const options = chartOptions({ lines, across: 'time' }, (token) => token, 100, 100);
+    expect(options.series[2]).toMatchObject({ width: 0, points: { show: false } });
+    expect(options.hooks?.draw).toHaveLength(1);
   });
 });

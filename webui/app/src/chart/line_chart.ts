@@ -1,6 +1,7 @@
 import type uPlot from 'uplot';
 import { clockDate, clockTime } from '../text/time';
 import { plainNumber } from '../text/unit';
+import { FLAG_MARKS, type FlagMark } from './flag_mark';
 import { aloneAt } from './series';
 
 /** One line of a chart. */
@@ -19,6 +20,8 @@ export interface Line {
   dash?: readonly number[];
   /** Edge of a band: not drawn and not named by itself. */
   isEdge?: boolean;
+  /** Values that are marked by a shape, with no line between them. */
+  mark?: FlagMark;
 }
 
 /** A filled band between two columns of the data. */
@@ -121,7 +124,12 @@ export function chartOptions(
     hooks: {
       setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [],
       ready: wish.onpick ? [picker(wish.onpick)] : [],
-      draw: wish.mark === undefined ? [] : [marker(wish.mark, palette('--accent'))],
+      draw: [
+        ...wish.lines.flatMap(({ mark }, i) =>
+          mark === undefined ? [] : [shapes(mark, i + 1, palette)],
+        ),
+        ...(wish.mark === undefined ? [] : [marker(wish.mark, palette('--accent'))]),
+      ],
     },
   };
 }
@@ -158,6 +166,33 @@ function marker(mark: () => number | null, colour: string): (chart: uPlot) => vo
   };
 }
 
+/** Draws the shape of a mark at every value of a column. */
+function shapes(mark: FlagMark, column: number, palette: Palette): (chart: uPlot) => void {
+  const { d, colour, isFilled } = FLAG_MARKS[mark];
+  return (chart) => {
+    const { ctx, bbox, data } = chart;
+    const shape = new Path2D(d);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.fillStyle = palette(colour);
+    ctx.strokeStyle = palette(colour);
+    ctx.lineWidth = 1.5;
+    data[column]?.forEach((value, i) => {
+      const at = data[0][i];
+      if (typeof value !== 'number' || at === undefined) return;
+      ctx.save();
+      ctx.translate(chart.valToPos(at, 'x', true), chart.valToPos(value, 'y', true));
+      ctx.scale(devicePixelRatio, devicePixelRatio);
+      if (isFilled) ctx.fill(shape);
+      else ctx.stroke(shape);
+      ctx.restore();
+    });
+    ctx.restore();
+  };
+}
+
 /** A pointer that moved farther than this dragged. */
 const CLICK_PX = 3;
 
@@ -190,7 +225,7 @@ function timeTick(value: number, values: readonly number[]): string {
 }
 
 function lineOptions(line: Line, palette: Palette): uPlot.Series {
-  if (line.isEdge) return { label: line.label, width: 0, points: { show: false } };
+  if (line.isEdge || line.mark) return { label: line.label, width: 0, points: { show: false } };
   const stroke = palette(line.isPredicted ? '--predicted' : line.colour);
   const dash = line.dash ?? (line.isPredicted ? [6, 5] : null);
   return {

@@ -114,6 +114,38 @@ describe('a window about a cursor', () => {
     }
   });
 
+  /** A window that was told three values, of which the station heard the second late. */
+  async function told(received_at: string[] | null) {
+    const at = ['1970-01-05T04:10:00Z', '1970-01-05T04:20:00Z', '1970-01-05T04:40:00Z'];
+    const samples = (_: string, { start }: { start?: string | null }) => {
+      const isHere = start === '1970-01-05T04:00:00.000Z';
+      return Promise.resolve({
+        measured_at: isHere ? at : [],
+        value: isHere ? [1, 2, 3] : [],
+        unit: 'm',
+        received_at: isHere ? received_at : received_at && [],
+      });
+    };
+    const window = new ReplayWindow({ samples } as unknown as Api, 'mini-1', 'depth_m', 3600);
+    window.want(100.5 * 3600, 0);
+    await vi.waitFor(() => expect(window.show(100.5 * 3600).isWhole).toBe(true));
+    return window;
+  }
+
+  test('leaves out what the station had not heard by then, if that is asked', async () => {
+    const heard = ['1970-01-05T04:10:01Z', '1970-01-05T04:35:00Z', '1970-01-05T04:40:01Z'];
+    const window = await told(heard);
+    expect(window.show(100.5 * 3600).v).toEqual([1, 2, 3]);
+    expect(window.show(100.5 * 3600, 'received').v).toEqual([1]);
+    expect(window.show(100.6 * 3600, 'received')).toMatchObject({ v: [1, 2], isArrivalKept: true });
+  });
+
+  test('tells that the arrival is not kept, and nothing of what was measured later', async () => {
+    const window = await told(null);
+    const shown = window.show(100.5 * 3600, 'received');
+    expect(shown).toMatchObject({ v: [1, 2], isArrivalKept: false });
+  });
+
   test('asks again for a part that it was refused while it is wanted, and then no more', async () => {
     vi.useFakeTimers();
     let isBusy = true;

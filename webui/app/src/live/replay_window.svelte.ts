@@ -1,6 +1,7 @@
 import { untrack } from 'svelte';
 import type { Api } from '../api/client';
 import { rfc3339 } from '../text/time';
+import type { ReplayClock } from './cursor.svelte';
 
 /** More than any robot measures in the blocks of a short window, so that nothing is left out. */
 const POINTS = 20_000;
@@ -17,6 +18,22 @@ interface Block {
   unit: string;
   isDerived: boolean;
   isDecimated: boolean;
+  /** When each was heard, s since 1970; `null` where that is not kept. */
+  received: number[] | null;
+}
+
+interface Shown extends Omit<Block, 'received'> {
+  isWhole: boolean;
+  /** Whether it is known of all when they were heard. */
+  isArrivalKept: boolean;
+}
+
+/**
+ * Whether the station had heard of a value by a moment, s since 1970; of one whose arrival is not
+ * kept, whether it had been measured by then.
+ */
+export function isHeard(atS: number, measured: number, received: number | null): boolean {
+  return (received ?? measured) <= atS && measured <= atS;
 }
 
 /** Values of one channel around a cursor: read in blocks, and ahead of where it plays. */
@@ -58,17 +75,22 @@ export class ReplayWindow {
     return () => (this.#wanted = NONE);
   }
 
-  /** What is known of the window about a moment, in order; all of it once `isWhole`. */
-  show(atS: number): Block & { isWhole: boolean } {
+  /**
+   * What is known of the window about a moment, in order; all of it once `isWhole`.
+   *
+   * @param clock By which it is told: `received` leaves out what the station had not heard by then.
+   */
+  show(atS: number, clock: ReplayClock = 'measured'): Shown {
     void this.version;
     const [from, to] = this.range(atS);
-    const all: Block & { isWhole: boolean } = {
+    const all: Shown = {
       t: [],
       v: [],
       unit: '',
       isDerived: false,
       isDecimated: false,
       isWhole: true,
+      isArrivalKept: true,
     };
     for (let n = this.#number(from); n <= this.#number(to); n++) {
       const block = this.#blocks.get(n);
@@ -76,8 +98,12 @@ export class ReplayWindow {
         all.isWhole = false;
         continue;
       }
-      all.t.push(...block.t);
-      all.v.push(...block.v);
+      block.t.forEach((at, i) => {
+        if (clock === 'received' && !isHeard(atS, at, block.received?.[i] ?? null)) return;
+        all.t.push(at);
+        all.v.push(block.v[i] ?? null);
+      });
+      all.isArrivalKept &&= block.received !== null || block.t.length === 0;
       all.unit ||= block.unit;
       all.isDerived ||= block.isDerived;
       all.isDecimated ||= block.isDecimated;
@@ -117,6 +143,7 @@ export class ReplayWindow {
         unit: found.unit,
         isDerived: found.is_derived,
         isDecimated: found.decimated,
+        received: found.received_at?.map((at) => Date.parse(at) / 1000) ?? null,
       });
       this.#forget();
     } catch {

@@ -1,4 +1,5 @@
 import { colourTable } from '../../../chart/colour_map';
+import { FLAG_MARKS, markOf } from '../../../chart/flag_mark';
 import { scaleMarks, type Mark } from '../../../chart/slice';
 import {
   shadeVar,
@@ -42,9 +43,6 @@ export interface Path {
   kind: 'dot' | 'suspect' | 'bad';
 }
 
-const DIAMOND = 'm0-4l4 4l-4 4l-4-4z';
-const CROSS = 'm-3.5-3.5l7 7m0-7l-7 7';
-
 /** Points inside the frame: shades first, then what is suspect, and what is bad on top. */
 export function dotPaths(dots: Dots, frame: Frame): Path[] {
   const plain = new Map<number, string[]>();
@@ -54,9 +52,9 @@ export function dotPaths(dots: Dots, frame: Frame): Path[] {
     const y = dots.y[i] ?? NaN;
     if (!isWithin(value, frame.x) || !isWithin(y, frame.y)) return;
     const at = `M${toX(value, frame).toFixed(1)} ${toY(y, frame).toFixed(1)}`;
-    const flag = dots.flag[i] ?? 0;
-    if (flag >= 4) bad.push(at + CROSS);
-    else if (flag === 3) suspect.push(at + DIAMOND);
+    const mark = markOf(dots.flag[i] ?? 0);
+    if (mark === 'bad') bad.push(at + FLAG_MARKS.bad.d);
+    else if (mark === 'suspect') suspect.push(at + FLAG_MARKS.suspect.d);
     else {
       const shade = dots.shade?.[i] ?? -1;
       const known = plain.get(shade);

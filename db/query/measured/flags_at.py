@@ -1,0 +1,48 @@
+"""The flags of quality that some values of a deployment have."""
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import IntArray
+from autonomy.quality.flag import GOOD, UNKNOWN, FlagArray, og1_flags
+from db.column import microseconds
+from db.query.measured.quality import flag_spans, manual_flags, newest_quality_run
+
+_SERIES = {"depth_m": "depth"}
+"""Series of quality that are called otherwise than their channels."""
+
+
+def flags_at(session: Session, deployment: str, channel: str, at_us: IntArray) -> FlagArray | None:
+    """Return the flags of OG1.0 of values of a channel, shape ``(n,)``; 0 without any control.
+
+    A flag of a person counts before those of the newest run of rules, which says nothing of what
+    came after it. ``None`` where nobody has run rules or set a flag.
+
+    Args:
+        session: A reading session.
+        deployment: Id of the deployment that all values are of.
+        channel: Key of the channel.
+        at_us: Their moments, ascending, us since 1970, shape ``(n,)``.
+
+    Raises:
+        UnknownIdError: If there is no such deployment.
+    """
+    series = _SERIES.get(channel, channel)
+    run, manual = newest_quality_run(session, deployment), manual_flags(session, deployment)
+    if run is None and not manual:
+        return None
+    qartod = np.full(len(at_us), UNKNOWN, dtype=np.int8)
+    if run is not None and series in run.counts:
+        qartod[at_us <= microseconds(run.at)] = GOOD
+        spans = flag_spans(session, run.key, series)
+        begins = np.searchsorted(at_us, spans[:, 0], side="left")
+        ends = np.searchsorted(at_us, spans[:, 1], side="right")
+        for begin, end, flag in zip(begins, ends, spans[:, 2], strict=True):
+            qartod[begin:end] = flag
+    flags = og1_flags(qartod)
+    for one in manual:
+        if one.series == series:
+            begin = np.searchsorted(at_us, microseconds(one.first_at), side="left")
+            end = np.searchsorted(at_us, microseconds(one.last_at), side="right")
+            flags[begin:end] = one.flag
+    return flags
