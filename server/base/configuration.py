@@ -5,9 +5,9 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from sqlalchemy.orm import Session
 
 from autonomy.configuration import Configuration
@@ -110,7 +110,8 @@ class ConfigurationBook:
     ) -> CurrentConfiguration:
         """Merge a patch into the value that holds, validate it, and save it as a new version.
 
-        A field set to null returns to its preset. ``also`` is what else belongs to the change.
+        A field set to null returns to its preset; in a map, such as rules by channel, null removes.
+        ``also`` is what else belongs to the change.
 
         Raises:
             Problem: 404 if there is no such kind, 412 if ``if_match`` names another version,
@@ -147,7 +148,12 @@ class ConfigurationBook:
     def _patched(
         self, kind: ConfigurationKind, now: CurrentConfiguration, patch: Mapping[str, Any]
     ) -> Configuration:
-        value = merge(now.value.model_dump(mode="json"), patch, now.preset.model_dump(mode="json"))
+        value = merge(
+            now.value.model_dump(mode="json"),
+            patch,
+            now.preset.model_dump(mode="json"),
+            kind.model,
+        )
         try:
             # From JSON, as a file or wire would bring it: lists become tuples, nothing else bends.
             checked = kind.model.model_validate_json(json.dumps(value))
@@ -199,20 +205,53 @@ def _stored(kind: ConfigurationKind, record: ConfigurationRecord) -> Configurati
 
 
 def merge(
-    value: Mapping[str, Any], patch: Mapping[str, Any], preset: Mapping[str, Any]
+    value: Mapping[str, Any],
+    patch: Mapping[str, Any],
+    preset: Mapping[str, Any],
+    model: type[BaseModel] | None = None,
 ) -> dict[str, Any]:
-    """Return ``value`` with a patch on top (RFC 7396), where null stands for the preset."""
+    """Return ``value`` with a patch on top (RFC 7396), where null stands for the preset.
+
+    In a map of a model, whose keys are data, null removes, as the standard has it: an entry, or
+    what an entry says.
+    """
     merged = dict(value)
     for field, new in patch.items():
         old, default = merged.get(field), preset.get(field)
-        if isinstance(new, Mapping) and isinstance(old, Mapping):
-            inner = default if isinstance(default, Mapping) else {}
-            merged[field] = merge(old, new, inner)
+        inner, is_map = _inner(model, field)
+        if isinstance(new, Mapping) and is_map:
+            merged[field] = _laid_over(old, new)
+        elif isinstance(new, Mapping) and isinstance(old, Mapping):
+            below = default if isinstance(default, Mapping) else {}
+            merged[field] = merge(old, new, below, inner)
         elif new is None:
             merged[field] = default
         else:
             merged[field] = new
     return merged
+
+
+def _laid_over(value: object, patch: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a merge patch makes of a value, to the letter of RFC 7396."""
+    merged: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {}
+    for key, new in patch.items():
+        if new is None:
+            merged.pop(key, None)
+        else:
+            merged[key] = _laid_over(merged.get(key), new) if isinstance(new, Mapping) else new
+    return merged
+
+
+def _inner(model: type[BaseModel] | None, field: str) -> tuple[type[BaseModel] | None, bool]:
+    """Return the model of a field's value, if it has one, and whether the field is a map."""
+    known = None if model is None else model.model_fields.get(field)
+    if known is None:
+        return None, False
+    parts = (known.annotation, *get_args(known.annotation))
+    if any(get_origin(one) is dict or one is dict for one in parts):
+        return None, True
+    models = [one for one in parts if isinstance(one, type) and issubclass(one, BaseModel)]
+    return (models[0] if len(models) == 1 else None), False
 
 
 def _changed_meanwhile(now: CurrentConfiguration) -> str:

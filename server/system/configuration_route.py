@@ -143,7 +143,10 @@ async def patch_config(
     robot: RobotQuery = None,
     if_match: Annotated[str | None, Header()] = None,
 ) -> ConfigurationView:
-    """Change some fields and save the whole as a new version; null returns one to its preset."""
+    """Change some fields and save the whole as a new version; null returns one to its preset.
+
+    In a map, such as rules by channel, null removes (RFC 7396): an entry, or what an entry says.
+    """
     changed = await foundation.configurations.patch(
         kind, robot, patch.root, by=caller.name, if_match=if_match
     )

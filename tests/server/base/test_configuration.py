@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.quality.rules import QualityRules
 from autonomy.site import LAKE, TANK
 from db.query.fleet.robots import add_robot
 from server.base.configuration import merge
@@ -167,6 +168,39 @@ def test_a_patch_goes_into_objects_and_replaces_lists():
         "a": {"b": 7, "c": [1, 2]},
         "d": 8,
     }
+
+
+def test_null_removes_from_a_map_what_it_names_and_leaves_the_rest():
+    limits = {"fail_low": 0.0, "spike_fail": 6.0}
+    value = {"version": "1.0.1", "series": {"temperature": limits, "salinity": {"fail_low": 0.0}}}
+    preset = {"version": "1.0.0", "series": {"temperature": limits}}
+
+    def patched(patch):
+        return merge(value, {"series": patch}, preset, QualityRules)["series"]
+
+    assert patched({"temperature": {"spike_fail": None}}) == {
+        "temperature": {"fail_low": 0.0},
+        "salinity": {"fail_low": 0.0},
+    }
+    assert patched({"salinity": None}) == {"temperature": limits}
+    assert patched({"temperature": None}) == {"salinity": {"fail_low": 0.0}}
+    assert patched({"ph": {"fail_low": 6.0, "fail_high": None}})["ph"] == {"fail_low": 6.0}
+    assert merge(value, {"series": None, "version": None}, preset, QualityRules) == preset
+
+
+async def test_a_rule_that_is_switched_off_stays_off(admin):
+    path = "/api/config/quality?robot=mini-1"
+    limits = (await admin.get(path)).json()["value"]["series"]["temperature"]
+    assert limits["spike_suspect"] is not None
+    change = {"series": {"temperature": {"spike_suspect": None}, "chlorophyll": None}}
+    for _ in range(2):
+        changed = (await admin.patch(path, json=change)).json()["value"]["series"]
+        assert changed["temperature"] == limits | {"spike_suspect": None}
+        assert set(changed) == {"temperature", "blue_light"}
+    assert (await admin.patch(path, json={"series": {"salinity": None}})).status_code == 200
+    assert (await admin.get(path)).json()["value"]["series"] == changed
+    again = (await admin.patch(path, json={"series": None})).json()["value"]["series"]
+    assert again["temperature"] == limits
 
 
 def test_presets_of_a_robot_follow_its_water():

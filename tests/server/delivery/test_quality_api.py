@@ -64,7 +64,7 @@ async def test_rules_of_a_robot_are_a_new_version_and_old_runs_stay(client, depl
         "version": "1.0.1",
         "series": {
             "temperature": {
-                "fail_high": 60.0,
+                "fail_high": None,
                 "spike_fail": None,
                 "suspect_high": None,
                 "spike_suspect": None,
@@ -75,6 +75,9 @@ async def test_rules_of_a_robot_are_a_new_version_and_old_runs_stay(client, depl
     second = await run(client, deployment)
     assert second["run"]["version"] == "1.0.1"
     assert second["run"]["sha256"] != first["run"]["sha256"]
+    before, after = (one["run"]["counts"]["temperature"] for one in (first, second))
+    assert ("spike" in before, before["all"]["fail"]) == (True, 3)
+    assert ("spike" in after, after["all"]["suspect"], after["all"]["fail"]) == (False, 0, 0)
     events = (await answered(client.get("/api/events")))["events"]
     told = [one["data"]["sha256"] for one in events if one["kind"] == "deployment.checked"]
     assert told == [first["run"]["sha256"], second["run"]["sha256"]]

@@ -149,6 +149,13 @@ describe('a draft', () => {
     expect(difference(STORED, { ...STORED, thresholds_m: [0.1, 0.2] })).toEqual({});
   });
 
+  test('tells what was taken out of a map, however deep', () => {
+    const stored = { series: { temperature: { fail_low: 1, spike_fail: 2 }, salinity: {} } };
+    expect(difference(stored, { series: { temperature: { fail_low: 1 } } })).toEqual({
+      series: { temperature: { spike_fail: null }, salinity: null },
+    });
+  });
+
   test('marks what differs from the preset and from what is stored', () => {
     const draft = new Draft(SCHEMA, { ...STORED, glide_angle_rad: 0.5 }, STORED);
     const angle = leaves(draft.tree).find(({ path }) => path[0] === 'glide_angle_rad');

@@ -29,7 +29,10 @@ export function isSame(a: Json | undefined, b: Json | undefined): boolean {
   return false;
 }
 
-/** The members of `document` that differ from `base`, as a patch that leads from one to the other. */
+/**
+ * The members of `document` that differ from `base`, as a patch that leads from one to the other
+ * (RFC 7396): null removes what `document` lacks.
+ */
 export function difference(base: JsonObject, document: JsonObject): JsonObject {
   const patch: JsonObject = {};
   for (const [key, value] of Object.entries(document)) {
@@ -37,6 +40,7 @@ export function difference(base: JsonObject, document: JsonObject): JsonObject {
     if (isSame(known, value)) continue;
     patch[key] = isObject(known) && isObject(value) ? difference(known, value) : value;
   }
+  for (const key of Object.keys(base)) if (!(key in document)) patch[key] = null;
   return patch;
 }
 
