@@ -22,6 +22,10 @@ class QualityRunRow(Base):
     """How many values have which flag, by series and test."""
     rows: Mapped[int] = mapped_column(BigInteger)
     """Moments that it looked at."""
+    samples: Mapped[int | None] = mapped_column(BigInteger)
+    """Measurements that there were; absent in runs of before this was kept, as is ``seen``."""
+    seen: Mapped[bytes | None] = mapped_column(deferred=True)
+    """At which moments it saw a value of each series; see ``db.query.measured.quality``."""
     at: Mapped[datetime]
     by: Mapped[str]
 

@@ -63,10 +63,15 @@ def wanted_of(
     )
 
 
+def samples_of(session: Session, record: DeploymentRecord) -> dict[str, int]:
+    """Return how many measurements there are of each channel of a deployment that has begun."""
+    start, end = record.begun_at, record.last_at
+    return sampled_variables(session, record.robot, start=start, end=end, log=record.log)
+
+
 def channels_of(session: Session, record: DeploymentRecord) -> list[str]:
     """Return the channels that were sampled in a deployment, in the order of their names."""
-    start, end = record.begun_at, record.last_at
-    return sorted(sampled_variables(session, record.robot, start=start, end=end, log=record.log))
+    return sorted(samples_of(session, record))
 
 
 def derived_of(sampled: Sequence[str]) -> list[str]:
@@ -92,6 +97,8 @@ def write_run(
         sha256=rules.sha256,
         counts=found.counts,
         rows=found.rows,
+        samples=found.samples,
+        seen=found.seen,
         found=found.stretches,
         at=at,
         by=by,

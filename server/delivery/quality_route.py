@@ -17,7 +17,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service
 from server.base.view import Body, View
-from server.delivery.quality import QualityRuns, series_of
+from server.delivery.quality import QualityRuns, samples_of, series_of
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
 QualityRunsDep = Annotated[QualityRuns, Depends(service(QualityRuns))]
@@ -45,6 +45,8 @@ class QualityRunView(View):
     """Moments that it looked at."""
     at: datetime
     by: str
+    came_after: int | None
+    """Measurements of the deployment that came after it; null of a run that did not count them."""
     counts: dict[str, dict[str, FlagCounts]]
     """By series and test; ``all`` is the gravest of all tests."""
 
@@ -168,6 +170,9 @@ def _view(session: Session, deployment: str, limit: int) -> QualityView:
             name=str(run.rules["name"]),
             version=str(run.rules["version"]),
             counts=dict(run.counts),
+            came_after=None
+            if run.samples is None
+            else max(0, sum(samples_of(session, record).values()) - run.samples),
         ),
         stretches=[
             same(StretchView, one, tests=[name for name in one.tests.split(",") if name])

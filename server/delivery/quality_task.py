@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from db.engine import reading
-from db.query.measured.quality import QualityStretch
+from db.query.measured.quality import QualityStretch, packed_moments
+from db.query.measured.samples import sampled_variables
 from server.base.worker import IsCancelled, Report
 from server.delivery.judged import Wanted, judged
 
@@ -22,6 +23,10 @@ class QualityFound:
     """How many values have which flag, by series and test."""
     stretches: Sequence[QualityStretch]
     left_out: int
+    samples: int
+    """Measurements that there are of the deployment."""
+    seen: bytes
+    """At which moments series had a value, packed."""
 
 
 def run(wanted: Wanted, report: Report, is_cancelled: IsCancelled) -> QualityFound:
@@ -33,6 +38,10 @@ def run(wanted: Wanted, report: Report, is_cancelled: IsCancelled) -> QualityFou
     report((0.1, "Reading"))
     with reading(wanted.database_url) as session:
         found = judged(session, wanted, is_cancelled)
+        record = wanted.deployment
+        sampled = sampled_variables(
+            session, record.robot, start=record.begun_at, end=record.last_at, log=record.log
+        )
     report((0.8, "Summing up"))
     counts = {series: one.counts for series, one in found.judgements.items()}
     stretches = found.found()
@@ -41,4 +50,11 @@ def run(wanted: Wanted, report: Report, is_cancelled: IsCancelled) -> QualityFou
             f"the rules flag {len(stretches)} stretches, more than {STRETCHES_MAX};"
             " they do not fit these data"
         )
-    return QualityFound(len(found.at_us), counts, stretches, found.left_out)
+    return QualityFound(
+        rows=len(found.at_us),
+        counts=counts,
+        stretches=stretches,
+        left_out=found.left_out,
+        samples=sum(sampled.values()),
+        seen=packed_moments(found.at_us, found.told),
+    )

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from sqlalchemy import BigInteger, insert, select, type_coerce
 from sqlalchemy.orm import Session
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import BoolArray, FloatArray, IntArray
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.quality_tables import ManualFlagRow, QualityRunRow, QualityStretchRow
@@ -20,6 +21,8 @@ from db.record import same
 OPEN_STATES = ("in_water", "recovered")
 """States in which flags may be set: nobody answers for the data yet."""
 _FLAG = "flag"
+_SERIES = "series:"
+"""Before the key of a series, in what is kept of the moments that a run saw."""
 
 
 class FlagStateError(StoreError):
@@ -46,6 +49,8 @@ class QualityRun:
     sha256: str
     counts: Mapping[str, Any]
     rows: int
+    samples: int | None
+    """Measurements that there were; ``None`` of a run of before this was kept."""
     at: datetime
     by: str
 
@@ -72,11 +77,13 @@ def add_quality_run(
     sha256: str,
     counts: Mapping[str, Any],
     rows: int,
+    samples: int,
+    seen: bytes,
     found: Sequence[QualityStretch],
     at: datetime,
     by: str,
 ) -> QualityRun:
-    """Keep what a run found; what earlier ones found stays.
+    """Keep what a run found, and what it saw; what earlier ones found stays.
 
     Raises:
         UnknownIdError: If there is no such deployment.
@@ -88,6 +95,8 @@ def add_quality_run(
         sha256=sha256,
         counts=dict(counts),
         rows=rows,
+        samples=samples,
+        seen=seen,
         at=at,
         by=by,
     )
@@ -143,6 +152,38 @@ def flag_spans(session: Session, run: int, series: str) -> FloatArray:
         .order_by(QualityStretchRow.first_at)
     )
     return np.array([tuple(row) for row in rows], dtype=np.float64).reshape(-1, 3)
+
+
+def packed_moments(at_us: IntArray, told: Mapping[str, BoolArray]) -> bytes:
+    """Return the moments at which series have a value, for ``add_quality_run``.
+
+    A moment takes one to three bytes: as the time since the one before, and a bit for each series,
+    deflated.
+
+    Args:
+        at_us: Strictly ascending, shape ``(n,)``.
+        told: Whether there is a value, by series, shape ``(n,)`` each.
+    """
+    file = BytesIO()
+    bits: dict[str, Any] = {f"{_SERIES}{key}": np.packbits(one) for key, one in told.items()}
+    np.savez_compressed(file, at=np.diff(at_us, prepend=np.int64(0)), **bits)
+    return file.getvalue()
+
+
+def seen_moments(session: Session, run: int, series: str) -> IntArray | None:
+    """Return the moments at which a run saw a value of a series, ascending.
+
+    ``None`` of a run of before they were kept.
+    """
+    packed = session.scalar(select(QualityRunRow.seen).where(QualityRunRow.key == run))
+    if packed is None:
+        return None
+    with np.load(BytesIO(packed), allow_pickle=False) as arrays:
+        name = f"{_SERIES}{series}"
+        if name not in arrays:
+            return np.empty(0, dtype=np.int64)
+        at_us = np.cumsum(arrays["at"])
+        return at_us[np.unpackbits(arrays[name], count=len(at_us)).astype(np.bool_)]
 
 
 def add_manual_flag(

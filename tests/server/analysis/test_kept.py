@@ -8,6 +8,8 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
+from db.column import microseconds
+from db.quality_tables import QualityRunRow
 from db.query.fleet.deployment_change import end_deployment
 from db.query.fleet.robots import add_robot
 from db.query.measured.quality import add_manual_flag
@@ -16,11 +18,14 @@ from db.store import Store
 from server.analysis import column, kept
 from server.analysis.column import read_table
 from server.analysis.question import question_of
+from server.delivery import quality_task
+from server.delivery.quality import wanted_of, write_run
 from tests.db.conftest import START, report, robot_record, sample
 from tests.server.delivery.written import told
 
 ROWS = 200
 LAST = START + timedelta(hours=1)
+HALF_STEP = timedelta(seconds=1)
 
 
 @pytest.fixture
@@ -120,6 +125,57 @@ def test_a_flag_of_a_person_counts_at_once_and_nothing_is_read_for_it(rows_of, s
     again, reads = rows_of("temperature")
     assert reads == 1
     assert set(again.flags["temperature"].tolist()) == {4}
+
+
+@pytest.fixture
+def check(store, tmp_path):
+    """Run the rules as the station does, or as one of before that did not keep what it saw."""
+
+    def run(*, as_of_old=False):
+        with store.read() as session:
+            wanted = wanted_of(session, "deployment-1", f"sqlite:///{tmp_path / 'over.sqlite3'}")
+        found = quality_task.run(wanted, lambda _: None, lambda: False)
+
+        def write(session):
+            kept_run = write_run(session, wanted, found, LAST + timedelta(days=1), "ann")
+            if as_of_old:
+                session.get(QualityRunRow, kept_run.key).seen = None
+
+        store.change(write).result()
+
+    return run
+
+
+def test_what_came_after_a_check_is_not_called_good(rows_of, store, check):
+    late = replace(
+        sample(999_000, 900.0, variable="temperature"), measured_at=START + timedelta(seconds=33)
+    )
+    check()
+    before, _ = rows_of("temperature")
+    assert set(before.flags["temperature"].tolist()) <= {1, 3}
+    store.append([late]).result()
+    after, _ = rows_of("temperature")
+    new = after.at_us == microseconds(late.measured_at)
+    assert after.flags["temperature"][new].tolist() == [0]
+    assert np.array_equal(after.flags["temperature"][~new], before.flags["temperature"])
+    check()
+    again, _ = rows_of("temperature")
+    assert again.flags["temperature"][new].tolist() == [4]
+
+
+def test_a_run_that_did_not_keep_what_it_saw_counts_while_nothing_came(rows_of, store, check):
+    check(as_of_old=True)
+    before, _ = rows_of("temperature")
+    assert 1 in before.flags["temperature"]
+    store.append(
+        [replace(sample(999_000, 9.0, variable="temperature"), measured_at=START)]
+    ).result()
+    same_moment, _ = rows_of("temperature")
+    assert 1 in same_moment.flags["temperature"], "of two values of a moment one counts"
+    late = replace(sample(999_001, 9.0, variable="temperature"), measured_at=START + HALF_STEP)
+    store.append([late]).result()
+    after, _ = rows_of("temperature")
+    assert set(after.flags["temperature"].tolist()) == {0}
 
 
 def test_the_oldest_goes_where_there_is_no_room(rows_of, tmp_path, monkeypatch):

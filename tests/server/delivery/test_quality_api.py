@@ -6,7 +6,7 @@ import pytest
 
 from server.access.role import Role
 from tests.server.conftest import MINI, api_client, until
-from tests.server.deployment.shore import answered
+from tests.server.deployment.shore import answered, sample_at
 
 
 async def run(client, path):
@@ -83,6 +83,21 @@ async def test_rules_of_a_robot_are_a_new_version_and_old_runs_stay(client, depl
     assert told == [first["run"]["sha256"], second["run"]["sha256"]]
     wrong = {"series": {"temperature": {"fail_low": 50.0, "fail_high": 40.0}}}
     await answered(client.patch(f"/api/config/quality?robot={MINI}", json=wrong), 422)
+
+
+async def test_a_check_says_how_many_values_came_after_it(client, deployment, world, station):
+    found = await run(client, deployment)
+    assert found["run"]["came_after"] == 0
+    at = datetime.now(UTC) - timedelta(minutes=25)
+    world.tell(sample_at(MINI, at, 1000, "temperature"))
+    station.ingest.flush()
+
+    async def counted():
+        told = await answered(client.get(f"{deployment}/quality"))
+        return told["run"]["came_after"] == 1
+
+    await until(counted)
+    assert (await run(client, deployment))["run"]["came_after"] == 0
 
 
 async def test_a_person_flags_a_stretch_and_withdraws_it(client, deployment):
