@@ -32,22 +32,16 @@ class Judgement:
         }
 
 
-def judge_series(
-    values: FloatArray, times_s: FloatArray, rule: SeriesRule, believable: tuple[float, float]
-) -> Judgement:
+def judge_series(values: FloatArray, times_s: FloatArray, rule: SeriesRule) -> Judgement:
     """Judge the values of a channel.
 
     Args:
         values: Shape ``(n,)``, in the channel's unit.
         times_s: Strictly ascending, shape ``(n,)``, s.
-        rule: Limits of the channel.
-        believable: Range of the catalogue, outside of which values fail where the rule is open.
+        rule: Limits of the channel; see ``QualityRules.with_ranges`` for those of the catalogue.
     """
-    fail = (
-        believable[0] if rule.fail_low is None else rule.fail_low,
-        believable[1] if rule.fail_high is None else rule.fail_high,
-    )
-    tests = {"range": gross_range(values, (rule.suspect_low, rule.suspect_high), fail)}
+    suspect, fail = (rule.suspect_low, rule.suspect_high), (rule.fail_low, rule.fail_high)
+    tests = {"range": gross_range(values, suspect, fail)}
     if rule.spike_suspect is not None or rule.spike_fail is not None:
         tests["spike"] = spike(values, rule.spike_suspect, rule.spike_fail)
     if rule.rate_suspect is not None:

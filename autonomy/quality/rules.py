@@ -4,6 +4,8 @@ Numbers of the delivered set are defaults for cold to temperate water; a team se
 """
 
 import hashlib
+import math
+from collections.abc import Mapping
 
 from pydantic import Field, model_validator
 
@@ -94,6 +96,23 @@ class QualityRules(Configuration):
         if self.position.speed_suspect_m_s > self.position.speed_fail_m_s:
             raise ValueError("speed_suspect_m_s must not be above speed_fail_m_s")
         return self
+
+    def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> "QualityRules":
+        """Return the rules as they are applied: outside of a range values fail where none says.
+
+        Args:
+            ranges: What the catalogue believes, by channel; infinite where it has no end.
+        """
+        series = dict(self.series)
+        for key, span in ranges.items():
+            rule = series.get(key, SeriesRule())
+            open_ends = {
+                name: end
+                for name, end in zip(("fail_low", "fail_high"), span, strict=True)
+                if getattr(rule, name) is None and math.isfinite(end)
+            }
+            series[key] = rule.model_copy(update=open_ends)
+        return self.model_copy(update={"series": series})
 
     @property
     def sha256(self) -> str:

@@ -38,8 +38,9 @@ class Wanted:
     database_url: str
     deployment: DeploymentRecord
     believable: Mapping[str, tuple[float, float]]
-    """Range of the catalogue, by the channels that rows carry."""
+    """Range of the catalogue now, by the channels that rows carry."""
     rules: QualityRules
+    """With the ranges of the catalogue where they say none themselves."""
     smoothed: bool
     """Whether samples are where they were after all."""
     derived: tuple[str, ...] = ()
@@ -218,7 +219,7 @@ def _channel(
     values = columns.joined(_CHANNEL + key, np.float64)
     told = np.isfinite(values)
     rule = wanted.rules.series.get(key, SeriesRule())
-    return told, judge_series(values[told], times_s[told], rule, wanted.believable[key])
+    return told, judge_series(values[told], times_s[told], rule)
 
 
 def _position(

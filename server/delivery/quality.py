@@ -51,13 +51,14 @@ def wanted_of(
     known = catalogue_in(session)
     sampled = channels_of(session, record)
     derived = tuple(key for key in derived_of(sampled) if key in known)
+    believable = {
+        key: (known[key].low, known[key].high) for key in (*sampled, *derived) if key in known
+    }
     return Wanted(
         database_url=database_url,
         deployment=record,
-        believable={
-            key: (known[key].low, known[key].high) for key in (*sampled, *derived) if key in known
-        },
-        rules=rules,
+        believable=believable,
+        rules=rules.with_ranges(believable),
         smoothed=smoothed,
         derived=derived,
     )

@@ -83,6 +83,6 @@ def test_the_delivered_rules_find_what_the_glider_file_is_known_for(key, good, s
     from autonomy.quality.judgement import judge_series
 
     rows = glider()
-    found = judge_series(rows[key], rows["time"], GRACE_QARTOD.series[key], (-1e9, 1e9))
+    found = judge_series(rows[key], rows["time"], GRACE_QARTOD.series[key])
     counts = found.counts["all"]
     assert (counts["good"], counts["suspect"], counts["fail"]) == (good, suspect, 0)

@@ -1,5 +1,6 @@
 """Tests of series: laws, exact times, speed, and the field's own implementation as oracle."""
 
+import math
 import time
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from autonomy.quality import series_test
 from autonomy.quality.flag import FAIL, GOOD, MISSING, SUSPECT, UNKNOWN, og1_flags, worst
 from autonomy.quality.judgement import judge_series, stretches
-from autonomy.quality.rules import GRACE_QARTOD, SeriesRule
+from autonomy.quality.rules import GRACE_QARTOD, QualityRules, SeriesRule
 from autonomy.quality.series_test import flat_line, gross_range, rate_of_change, speed, spike
 
 LIMITS_S = 1.0
@@ -87,7 +88,7 @@ def test_flags_of_a_file_say_what_nobody_evaluated():
 def test_stretches_tell_all_that_is_not_good_and_why():
     values = array(1, 1, 9, 1, 1, 50, 51, 1, 1)
     rule = SeriesRule(fail_high=40.0, spike_suspect=2.0)
-    found = judge_series(values, np.arange(9.0), rule, (-1e9, 1e9))
+    found = judge_series(values, np.arange(9.0), rule)
     told = stretches(found)
     rebuilt = np.full(9, GOOD)
     for one in told:
@@ -99,15 +100,26 @@ def test_stretches_tell_all_that_is_not_good_and_why():
 
 
 def test_a_channel_without_rules_fails_outside_of_what_the_catalogue_believes():
-    found = judge_series(array(0, 5, 11), np.arange(3.0), SeriesRule(), (0.0, 10.0))
+    rules = QualityRules().with_ranges({"ph": (0.0, 10.0)})
+    found = judge_series(array(0, 5, 11), np.arange(3.0), rules.series["ph"])
     assert found.flags.tolist() == [GOOD, GOOD, FAIL]
     assert found.by_test.keys() == {"range"}
+
+
+def test_the_hash_names_the_ranges_that_are_applied():
+    rules = QualityRules(series={"ph": SeriesRule(fail_low=2.0, spike_fail=1.0)})
+    one = rules.with_ranges({"ph": (0.0, 10.0), "salinity": (0.0, math.inf)})
+    assert one.series["ph"] == SeriesRule(fail_low=2.0, fail_high=10.0, spike_fail=1.0)
+    assert one.series["salinity"] == SeriesRule(fail_low=0.0)
+    other = rules.with_ranges({"ph": (0.0, 9.0), "salinity": (0.0, math.inf)})
+    assert len({rules.sha256, one.sha256, other.sha256}) == 3
+    assert one.with_ranges({"ph": (3.0, 4.0)}) == one, "what was frozen stays"
 
 
 @pytest.mark.parametrize("size", [0, 1, 2])
 def test_a_series_of_hardly_any_values_is_judged(size):
     rule = GRACE_QARTOD.series["temperature"]
-    found = judge_series(np.full(size, 5.0), np.arange(float(size)), rule, (-5.0, 45.0))
+    found = judge_series(np.full(size, 5.0), np.arange(float(size)), rule)
     assert found.flags.tolist() == [GOOD] * size
     assert len(stretches(found)) == 0
 

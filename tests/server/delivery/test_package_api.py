@@ -11,12 +11,13 @@ import pytest
 
 from server.access.role import Role
 from server.base.worker import WorkerTaskError
-from server.delivery import file_task
+from server.delivery import file_task, quality_task
 from server.delivery.package import packages
 from server.delivery.package import task as package_task
 from server.delivery.package.packages import DeliveryPackages, cleared
 from tests.server.conftest import MINI, api_client, until
 from tests.server.delivery.test_file_api import METADATA
+from tests.server.delivery.test_quality_api import run as checked
 from tests.server.deployment.shore import answered
 
 
@@ -26,7 +27,7 @@ def worked_here(monkeypatch):
     monkeypatch.setattr(file_task, "field_checks", lambda *_: [])
 
     async def run(pool, task, payload, *, on_progress=None, processor_limit_s=None):
-        work = {one.TASK: one.run for one in (file_task, package_task)}[task]
+        work = {one.TASK: one.run for one in (file_task, package_task, quality_task)}[task]
         return work(payload, on_progress or (lambda _: None), lambda: False)
 
     monkeypatch.setattr("server.base.worker.WorkerPool.run", run)
@@ -104,6 +105,34 @@ async def test_a_reviewed_file_is_flagged_by_the_rules_that_its_reviewer_saw(
     path.write_bytes(answer.content)
     with netCDF4.Dataset(path) as file:
         assert file.rtqc_method == "IOOS QARTOD, rule set grace-qartod 1.0.0"
+
+
+async def test_a_range_that_changes_after_the_review_changes_no_flag_under_a_hash(
+    client, deployment, worked_here, tmp_path
+):
+    await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
+    open_rules = {"version": "1.1.0", "series": {"temperature": None}}
+    await answered(client.patch(f"/api/config/quality?robot={MINI}", json=open_rules))
+    run = (await checked(client, deployment))["run"]
+    assert run["counts"]["temperature"]["all"]["fail"] == 0
+    await answered(client.post(f"{deployment}/end"))
+    await answered(client.post(f"{deployment}/review"))
+    await answered(client.patch("/api/channels/temperature", json={"high": 30.0}))
+
+    async def flags_of(name, **more):
+        told = await deliver(client, deployment, **more)
+        assert told["state"] == "done", told["message"]
+        answer = await client.get(f"{deployment}/files/{told['result']['file']}")
+        (tmp_path / name).write_bytes(answer.content)
+        with netCDF4.Dataset(tmp_path / name) as file:
+            found = file["TEMP_QC"]
+            assert '"fail_low":-5.0' in found.rtqc_rules
+            return found.rtqc_rule_set_sha256, found[:].compressed().tolist().count(4)
+
+    assert await flags_of("signed.nc", no_better_data=True) == (run["sha256"], 0)
+    await answered(client.post(f"{deployment}/reopen", json={"reason": "Too warm."}))
+    sha256, failed = await flags_of("anew.nc")
+    assert (sha256 != run["sha256"], failed) == (True, 1)
 
 
 async def test_two_at_once_are_refused_and_a_failed_one_frees_the_deployment(

@@ -67,11 +67,12 @@ def order_for(store: Store, url: str, folder: Path, robot: str, **more: object) 
         derived = derived_of(sampled)
         keys = [*sampled, *derived]
         record = get_robot(session, robot)
+    ranges = {key: (CHANNELS[key].low, CHANNELS[key].high) for key in keys}
     wanted = Wanted(
         url,
         deployment,
-        {key: (CHANNELS[key].low, CHANNELS[key].high) for key in keys},
-        GRACE_QARTOD,
+        ranges,
+        GRACE_QARTOD.with_ranges(ranges),
         smoothed=False,
         derived=tuple(derived),
     )
