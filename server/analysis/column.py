@@ -23,9 +23,10 @@ from db.query.measured.quality import (
     seen_moments,
 )
 from server.analysis import kept
-from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question, Series
+from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question
 from server.base.worker import IsCancelled, Report
 from server.delivery.judged import DEPTH, blocks_of
+from server.delivery.og1_state import state_values
 
 APART_US: Final = 10_000_000
 """Two values of a series that are farther apart in time say nothing of a moment between them."""
@@ -123,7 +124,7 @@ def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
     if question.pace is not None:
         paced |= np.isfinite(block.value[question.pace])
     states = [
-        (f"{_VALUE}{one.key}", _turned(one, block.state[one.key]))
+        (f"{_VALUE}{one.key}", state_values(block, one.key, question.wanted))
         for one in question.series
         if one.kind == "state" and one.key != DEPTH
     ]
@@ -135,12 +136,6 @@ def _parts(block: RowBlock, question: Question) -> list[tuple[str, np.ndarray]]:
         *states,
         *((f"{_VALUE}{key}", values) for key, values in block.value.items()),
     ]
-
-
-def _turned(series: Series, values: FloatArray) -> FloatArray:
-    """Return values of a state in the unit of files, in which headings are 0 to 360."""
-    found = values * series.factor
-    return found % 360.0 if series.variable == "HEADING" else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -51,7 +51,7 @@ def place_of(session: Session, question: Question) -> Path | None:
         (deployment.id, deployment.kind, deployment.log, first, last),
         deployment.site.model_dump_json(),
         (sorted(wanted.believable.items()), wanted.derived, wanted.smoothed),
-        [(one.key, one.kind, one.factor) for one in question.series],
+        [(one.key, one.kind) for one in question.series],
         question.pace,
         sorted(counts.items()),
         states_kept(session, deployment.robot, first, last),

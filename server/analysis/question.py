@@ -18,7 +18,7 @@ from server.base.configuration_kind import find_kind
 from server.base.problem import FieldError, unprocessable
 from server.delivery.judged import DEPTH, Wanted
 from server.delivery.og1_channel import file_variable
-from server.delivery.og1_file import STATE_VARIABLES
+from server.delivery.og1_state import STATE_VARIABLES
 from server.delivery.quality import wanted_of
 
 SERIES_MAX: Final = 6
@@ -43,8 +43,6 @@ class Series:
     variable: str
     """Its name in the NetCDF file of a delivery; empty where the file does not have it."""
     decimals: int = 2
-    factor: float = 1.0
-    """By what stored values are multiplied."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +149,8 @@ def _offered(session: Session, wanted: Wanted) -> dict[str, Series]:
     if SALINITY in found and TEMPERATURE in found:
         title = "Conservative temperature"
         found[CONSERVATIVE] = Series(CONSERVATIVE, title, "degC", "computed", "", 3)
-    for key, name, unit, _, title, factor in STATE_VARIABLES:
-        words = title.split(",")[0].capitalize()
-        found[key] = Series(key, words, unit, "state", name, 2, factor)
+    for one in STATE_VARIABLES:
+        found[one.key] = Series(one.key, one.title, one.unit, "state", one.name)
     return found
 
 

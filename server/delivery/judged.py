@@ -45,6 +45,8 @@ class Wanted:
     """Whether samples are where they were after all."""
     derived: tuple[str, ...] = ()
     """Those of the channels that are computed ashore of others."""
+    has_true_headings: bool = False
+    """Whether headings were told from true north, as recordings and vehicles of others do."""
 
     @property
     def channels(self) -> tuple[str, ...]:

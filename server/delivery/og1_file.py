@@ -26,6 +26,7 @@ from server.delivery.file_order import FileOrder
 from server.delivery.judged import DEPTH, POSITION, Judged, add_rows, blocks_of, places_of
 from server.delivery.og1_channel import FileVariable, file_variable, vocabulary
 from server.delivery.og1_header import Extent, write_header
+from server.delivery.og1_state import STATE_VARIABLES, state_values
 
 DIMENSION: Final = "N_MEASUREMENTS"
 CHUNK_ROWS: Final = 65_536
@@ -36,17 +37,6 @@ FIX, RECKONED, SMOOTHED = 1, 2, 3
 _DIVING = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _SURFACED = (RobotMode.IDLE, RobotMode.TURNING, RobotMode.SURFACED, RobotMode.HOLDING)
 _PROPELLED = (RobotMode.SWIMMING, RobotMode.TRACKING, RobotMode.SEARCHING, RobotMode.DRIVEN)
-StateVariable = tuple[str, str, str, str | None, str, float]
-"""Channel of a state, name, unit, CF name, title, and by what values are multiplied."""
-STATE_VARIABLES: Final[tuple[StateVariable, ...]] = (
-    ("pitch_rad", "PITCH", "degree", "platform_pitch", "pitch, nose up positive", 180.0 / np.pi),
-    ("roll_rad", "ROLL", "degree", "platform_roll", "roll, starboard down positive", 180.0 / np.pi),
-    ("heading_rad", "HEADING", "degree", "platform_orientation", "heading", 180.0 / np.pi),
-    ("net_buoyancy_kg", "NET_BUOYANCY", "kg", None, "net buoyancy, heavy positive", 1.0),
-    ("mass_position_m", "MASS_POSITION", "m", None, "position of the sliding mass", 1.0),
-    ("tail_rad", "TAIL_ANGLE", "degree", None, "angle of the tail", 180.0 / np.pi),
-    ("battery_v", "BATTERY_VOLTAGE", "V", None, "voltage of the battery", 1.0),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +120,8 @@ class _Layout:
         for key, named in self._names.items():
             self._put(named.name, rows, block.value[key])
             self._put_integers(f"{named.name}_QC", rows, self._flags[key][rows])
-        for key, name, *_, factor in STATE_VARIABLES:
-            values = block.state[key] * factor
-            self._put(name, rows, values % 360.0 if name == "HEADING" else values)
+        for one in STATE_VARIABLES:
+            self._put(one.name, rows, state_values(block, one.key, self._order.wanted))
         self._put_flags(rows, block)
         return placed.raised
 
@@ -349,16 +338,15 @@ class _Layout:
             )
 
     def _make_flight(self) -> None:
-        for _, name, unit, standard_name, title, _ in STATE_VARIABLES:
+        for one in STATE_VARIABLES:
             attributes = {
-                "units": unit,
-                "standard_name": standard_name,
-                "long_name": f"{title} of the robot" if standard_name else title,
+                "units": one.unit,
+                "standard_name": one.standard_name,
+                "long_name": f"{one.title.lower()} of the robot",
+                "comment": one.help,
                 "coordinates": _COORDINATES,
             }
-            if name == "HEADING":
-                attributes["comment"] = "clockwise from true north"
-            self._make(name, "f4", np.nan, attributes)
+            self._make(one.name, "f4", np.nan, attributes)
         how = (
             "from the depth alone: five-point mean, 0.02 m/s, surface above 1 m"
             if (self._found.mode == phases.NO_MODE).all()

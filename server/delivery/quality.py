@@ -9,6 +9,7 @@ from typing_extensions import TypedDict
 from autonomy.quality.rules import QualityRules
 from autonomy.seawater import DERIVED, can_derive
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
+from db.query.fleet.robots import get_robot
 from db.query.measured import quality as query
 from db.query.measured.quality import FlagStateError, ManualFlag
 from db.query.measured.samples import sampled_variables
@@ -61,6 +62,7 @@ def wanted_of(
         rules=rules.with_ranges(believable),
         smoothed=smoothed,
         derived=derived,
+        has_true_headings=record.kind == "recorded" or get_robot(session, record.robot).is_foreign,
     )
 
 

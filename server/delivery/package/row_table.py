@@ -14,7 +14,7 @@ from db.query.measured.merged_rows import RowBlock
 from robot_link.messages import RobotMode
 from server.delivery.file_order import FileOrder
 from server.delivery.judged import DEPTH, POSITION, Judged, Placed, places_of
-from server.delivery.og1_file import STATE_VARIABLES, StateVariable
+from server.delivery.og1_state import STATE_VARIABLES, state_values
 
 _MODES: Final = {int(mode): mode.name.lower() for mode in RobotMode}
 _PLACE: Final = (
@@ -57,8 +57,8 @@ class RowTables:
             )
         ]
         states = [
-            (f"{name.lower()}_{unit}", unit, title)
-            for _, name, unit, _, title, _ in STATE_VARIABLES
+            (f"{one.name.lower()}_{one.unit}", one.unit, f"{one.title}: {one.help}")
+            for one in STATE_VARIABLES
         ]
         fix = ("has_fix", "", "1 where the position is a fix")
         mode = ("mode", "", "what the robot said that it does")
@@ -93,7 +93,11 @@ class RowTables:
             _write(self._samples, [*place(is_sample), *cells])
         is_state = block.mode >= 0
         if is_state.any():
-            flown = [_flown(block, row, is_state) for row in STATE_VARIABLES]
+            wanted = self._order.wanted
+            flown = [
+                number_cells(state_values(block, one.key, wanted)[is_state])
+                for one in STATE_VARIABLES
+            ]
             fix = ["1" if one else "0" for one in block.has_fix[is_state].tolist()]
             mode = [_MODES.get(one, str(one)) for one in block.mode[is_state].tolist()]
             _write(self._states, [*place(is_state), fix, mode, *flown])
@@ -145,12 +149,6 @@ def number_cells(values: FloatArray) -> list[str]:
     """Return numbers so that they read back as they are; nothing for what nobody told."""
     # a number that is not one differs from itself
     return [repr(one) if one == one else "" for one in values.tolist()]
-
-
-def _flown(block: RowBlock, variable: StateVariable, chosen: BoolArray) -> list[str]:
-    key, name, *_, factor = variable
-    values = block.state[key][chosen] * factor
-    return number_cells(values % 360.0 if name == "HEADING" else values)
 
 
 def column_name(key: str, unit: str) -> str:

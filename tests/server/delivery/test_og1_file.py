@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 
 from autonomy.channel import CHANNELS
+from autonomy.site import LAKE
 from db.query.fleet.robots import add_robot
 from db.query.measured.quality import ManualFlag
 from db.store import Store
+from robot_link.messages import STATE
 from server.base.worker import WorkCancelledError
 from server.delivery import field_check, file_task
 from server.delivery.field_check import SUITES, field_checks
 from server.delivery.file_task import kept_path
+from server.delivery.judged import blocks_of
 from server.delivery.og1_channel import OF_CHANNEL, TERMS
+from server.delivery.og1_state import state_values
 from server.delivery.own_check import ATTRIBUTES, VARIABLES, own_checks
 from tests.db.conftest import START, robot_record
 from tests.server.delivery.written import order_for, told
@@ -127,6 +131,35 @@ def test_an_instrument_is_described_once_and_named_by_what_it_measures(written):
         assert {found[name].sensor for name in ("TEMP", "CNDC")} == set(sensors)
         assert "sensor" not in found["CHLA"].ncattrs()
         assert found[sensors[0]].sensor_calibration_date == "20260314"
+
+
+def test_headings_of_files_are_from_true_north(kept, tmp_path):
+    """At 50 km east of an origin at 43 deg north, 0.42 deg lie between the frame's and true."""
+    store, url, folder = kept
+    order = order_for(store, url, folder, "mini-1")
+    site = LAKE.model_copy(update={"origin_latitude_deg": 43.0})
+    deployment = replace(order.wanted.deployment, site=site)
+    wanted = replace(order.wanted, deployment=deployment)
+    with store.read() as session:
+        block = next(blocks_of(session, wanted, lambda: False))
+    far = block.position_ned.copy()
+    far[:, :2] = (0.0, 50_000.0)
+    heading = np.full(len(block), np.radians(-0.1))
+    block = replace(block, position_ned=far, state={**block.state, "heading_rad": heading})
+    assert state_values(block, "heading_rad", wanted) == pytest.approx(0.32, abs=0.005)
+    told = replace(wanted, has_true_headings=True)
+    assert state_values(block, "heading_rad", told) == pytest.approx(359.9)
+    nowhere = replace(block, position_ned=np.full_like(far, np.nan))
+    assert state_values(nowhere, "heading_rad", wanted) == pytest.approx(359.9)
+
+
+def test_states_have_the_names_of_their_declaration(written):
+    _, _, path = written
+    with netCDF4.Dataset(path) as found:
+        assert found["PITCH"].standard_name == STATE["pitch_rad"].standard_name
+        assert found["ROLL"].standard_name == "platform_roll_starboard_down"
+        assert found["HEADING"].comment == "Clockwise from true north."
+        assert "standard_name" not in found["TAIL_ANGLE"].ncattrs()
 
 
 def test_a_robot_that_exists_has_no_mark_and_people_come_first(kept):
