@@ -6,10 +6,15 @@ Numbers of the delivered set are defaults for cold to temperate water; a team se
 import hashlib
 import math
 from collections.abc import Mapping
+from typing import Final
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from autonomy.configuration import Configuration, quantity
+
+KEPT: Final = {"is_kept": True}
+"""Context to validate rules in that were kept: limits that contradict each other are let pass, as
+catalogues and earlier versions of the station made them."""
 
 
 def _limit(title: str, unit: str = "", *, ge: float | None = None) -> float | None:
@@ -40,6 +45,44 @@ class SeriesRule(Configuration):
     flat_tolerance: float = quantity(0.0, title="Flat line, tolerance", ge=0.0)
     """Values that differ by less count as the same."""
 
+    @field_validator("fail_high", "suspect_low", "suspect_high", "spike_fail", "flat_fail_s")
+    @classmethod
+    def _fits(cls, value: float | None, info: ValidationInfo) -> float | None:
+        match info.field_name:
+            case "fail_high":
+                _refuse_unless(value, info, above="fail_low")
+            case "suspect_low":
+                _refuse_unless(value, info, least="fail_low", most="fail_high")
+            case "suspect_high":
+                _refuse_unless(value, info, above="suspect_low")
+                _refuse_unless(value, info, least="fail_low", most="fail_high")
+            case "spike_fail":
+                _refuse_unless(value, info, least="spike_suspect")
+            case _:
+                _refuse_unless(value, info, least="flat_suspect_s")
+        return value
+
+
+def _refuse_unless(
+    value: float | None, info: ValidationInfo, *, above: str = "", least: str = "", most: str = ""
+) -> None:
+    """Refuse a limit that is not where others, which are named, let it be.
+
+    Raises:
+        ValueError: With the limit that it breaks.
+    """
+    if value is None or (info.context or {}).get("is_kept"):
+        return
+    other = info.data.get(above)
+    if other is not None and value <= other:
+        raise ValueError(f"must be above {above} {other:g}; is {value:g}")
+    other = info.data.get(least)
+    if other is not None and value < other:
+        raise ValueError(f"must not be below {least} {other:g}; is {value:g}")
+    other = info.data.get(most)
+    if other is not None and value > other:
+        raise ValueError(f"must not be above {most} {other:g}; is {value:g}")
+
 
 class PositionRule(Configuration):
     """Limits of where a robot can be, and how fast it gets there."""
@@ -52,6 +95,12 @@ class PositionRule(Configuration):
     """A place farther outside of the water's bounds is suspect."""
     resolution_m: float = quantity(0.01, "m", title="Resolution of places", ge=0.0)
     """Places that differ by no more are the same: they are kept in whole millimetres."""
+
+    @field_validator("speed_fail_m_s")
+    @classmethod
+    def _fits(cls, value: float, info: ValidationInfo) -> float:
+        _refuse_unless(value, info, least="speed_suspect_m_s")
+        return value
 
 
 class DepthRule(Configuration):
@@ -83,19 +132,6 @@ class QualityRules(Configuration):
     """How a place is judged."""
     depth: DepthRule = Field(default=DepthRule(), title="Depth")
     """How a depth is judged."""
-
-    @model_validator(mode="after")
-    def _limits_fit(self) -> "QualityRules":
-        for key, rule in self.series.items():
-            for what in ("fail", "suspect"):
-                low, high = getattr(rule, f"{what}_low"), getattr(rule, f"{what}_high")
-                if low is not None and high is not None and low >= high:
-                    raise ValueError(
-                        f"{key}: {what}_low {low:g} must be below {what}_high {high:g}"
-                    )
-        if self.position.speed_suspect_m_s > self.position.speed_fail_m_s:
-            raise ValueError("speed_suspect_m_s must not be above speed_fail_m_s")
-        return self
 
     def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> "QualityRules":
         """Return the rules as they are applied: outside of a range values fail where none says.

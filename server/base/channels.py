@@ -6,7 +6,7 @@ Whatever can meet a team's own channel asks here; a worker process is given the 
 import asyncio
 import dataclasses
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, Literal
@@ -113,6 +113,19 @@ class Channels:
                 "1 field is wrong.",
                 [FieldError(loc=["variable"], msg=f"variable must be one of {mapped}")],
             )
+
+    def check_known(self, keys: Iterable[str], *path: str) -> None:
+        """Refuse keys below a path of a document that are those of no channel.
+
+        Raises:
+            Problem: 422 with each of them, and the channels that there are.
+        """
+        unknown = [key for key in keys if key not in self.catalogue]
+        if unknown:
+            words = f"is no channel of the catalogue; there are {', '.join(self.catalogue)}"
+            errors = [FieldError(loc=[*path, key], msg=f"{key} {words}") for key in unknown]
+            count = "1 field is" if len(errors) == 1 else f"{len(errors)} fields are"
+            raise unprocessable(f"{count} wrong.", errors)
 
     def _free_wire_number(self) -> int:
         free = (one for one in OWN_WIRE_NUMBERS if self.catalogue.numbered(one) is None)

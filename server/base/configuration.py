@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
+from autonomy.quality.rules import KEPT, QualityRules
 from db.query.fleet.robots import get_robot
 from db.query.station import configurations as query
 from db.query.station.configurations import ConfigurationRecord
@@ -161,6 +162,8 @@ class ConfigurationBook:
             raise invalid(error, kind.model) from error
         if isinstance(checked, FieldConfig):
             self._channels.check_mapped(checked.variable)
+        if isinstance(checked, QualityRules):
+            self._channels.check_known(checked.series, "series")
         return checked
 
 
@@ -195,7 +198,7 @@ def _preset(session: Session, kind: ConfigurationKind, robot: str) -> Configurat
 def _stored(kind: ConfigurationKind, record: ConfigurationRecord) -> Configuration:
     """Load a version."""
     try:
-        return kind.model.model_validate(record.value)
+        return kind.model.model_validate(record.value, context=KEPT)
     except ValidationError as error:
         raise Problem(
             409,

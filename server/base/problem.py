@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from http import HTTPStatus
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -99,9 +99,14 @@ def invalid(error: ValidationError, model: type[BaseModel] | None = None) -> Pro
 
 def _fields_at(model: type[BaseModel], path: Sequence[str | int]) -> Sequence[str]:
     """Return the names of the fields of a model, or of one within it; none if it is a list."""
-    for part in path:
+    parts = iter(path)
+    for part in parts:
         field = model.model_fields.get(str(part))
         inner = None if field is None else field.annotation
+        if get_origin(inner) is dict:
+            inner = get_args(inner)[1]
+            if next(parts, None) is None:
+                return ()
         if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
             return ()
         model = inner

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
 from autonomy.field.config import FieldConfig
-from autonomy.quality.rules import QualityRules
+from autonomy.quality.rules import KEPT, QualityRules
 from db.query.fleet.deployments import DeploymentRecord, get_deployment
 from db.query.fleet.robots import get_robot
 from db.query.measured.delivery_files import DeliveryFile, add_delivery_file, delivery_files
@@ -64,10 +64,11 @@ def reviewed_rules(session: Session, record: DeploymentRecord) -> QualityRules:
     at = datetime.fromisoformat(record.document["review"]["at"])
     run = newest_quality_run(session, record.id, until=at)
     if run is not None:
-        return QualityRules.model_validate(run.rules)
+        return QualityRules.model_validate(run.rules, context=KEPT)
     held = configuration_at(session, "quality", record.robot, at)
     kind = find_kind("quality")
-    return QualityRules.model_validate(kind.default.model_dump() if held is None else held.value)
+    rules = kind.default.model_dump() if held is None else held.value
+    return QualityRules.model_validate(rules, context=KEPT)
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,8 +145,9 @@ def write_flag(
         errors.append(FieldError(loc=["last_at"], msg="must not be before first_at"))
     # screens and people tell times in whole seconds
     begun_at = record.begun_at.replace(microsecond=0)
-    if first_at < begun_at or (record.last_at is not None and last_at > record.last_at):
-        errors.append(FieldError(loc=["first_at"], msg=f"must be within {deployment}"))
+    for name, at in (("first_at", first_at), ("last_at", last_at)):
+        if at < begun_at or (record.last_at is not None and at > record.last_at):
+            errors.append(FieldError(loc=[name], msg=f"must be within {deployment}"))
     if errors:
         raise unprocessable("The flag does not fit the deployment.", errors)
     kept = query.add_manual_flag(

@@ -5,11 +5,12 @@ import time
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from autonomy.quality import series_test
 from autonomy.quality.flag import FAIL, GOOD, MISSING, SUSPECT, UNKNOWN, og1_flags, worst
 from autonomy.quality.judgement import judge_series, stretches
-from autonomy.quality.rules import GRACE_QARTOD, QualityRules, SeriesRule
+from autonomy.quality.rules import GRACE_QARTOD, KEPT, QualityRules, SeriesRule
 from autonomy.quality.series_test import flat_line, gross_range, rate_of_change, speed, spike
 
 LIMITS_S = 1.0
@@ -114,6 +115,33 @@ def test_the_hash_names_the_ranges_that_are_applied():
     other = rules.with_ranges({"ph": (0.0, 9.0), "salinity": (0.0, math.inf)})
     assert len({rules.sha256, one.sha256, other.sha256}) == 3
     assert one.with_ranges({"ph": (3.0, 4.0)}) == one, "what was frozen stays"
+
+
+@pytest.mark.parametrize(
+    ("limits", "field", "words"),
+    [
+        ({"fail_low": 5.0, "fail_high": 4.0}, "fail_high", "must be above fail_low 5; is 4"),
+        ({"suspect_low": 5.0, "suspect_high": 5.0}, "suspect_high", "must be above suspect_low 5"),
+        ({"fail_low": 0.0, "suspect_low": -1.0}, "suspect_low", "must not be below fail_low 0"),
+        ({"fail_high": 9.0, "suspect_high": 9.5}, "suspect_high", "must not be above fail_high 9"),
+        ({"fail_high": 9.0, "suspect_low": 9.5}, "suspect_low", "must not be above fail_high 9"),
+        ({"spike_suspect": 3.0, "spike_fail": 2.0}, "spike_fail", "not be below spike_suspect 3"),
+        ({"flat_suspect_s": 9.0, "flat_fail_s": 1.0}, "flat_fail_s", "not be below flat_suspect_s"),
+    ],
+)
+def test_limits_that_contradict_each_other_name_the_field(limits, field, words):
+    document = {"series": {"ph": limits}}
+    with pytest.raises(ValidationError, match=words) as refused:
+        QualityRules.model_validate(document)
+    assert [one["loc"] for one in refused.value.errors()] == [("series", "ph", field)]
+    kept = QualityRules.model_validate(document, context=KEPT)
+    assert kept.series["ph"].model_dump(exclude_unset=True) == limits
+
+
+def test_speeds_that_contradict_each_other_name_the_field():
+    with pytest.raises(ValidationError, match="must not be below speed_suspect_m_s 2") as refused:
+        QualityRules.model_validate({"position": {"speed_suspect_m_s": 2.0, "speed_fail_m_s": 1.0}})
+    assert [one["loc"] for one in refused.value.errors()] == [("position", "speed_fail_m_s")]
 
 
 @pytest.mark.parametrize("size", [0, 1, 2])

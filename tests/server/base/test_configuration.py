@@ -8,6 +8,7 @@ from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.quality.rules import QualityRules
 from autonomy.site import LAKE, TANK
 from db.query.fleet.robots import add_robot
+from db.query.station.configurations import add_configuration
 from server.base.configuration import merge
 from server.base.configuration_kind import KINDS
 from tests.db.conftest import robot_record
@@ -201,6 +202,35 @@ async def test_a_rule_that_is_switched_off_stays_off(admin):
     assert (await admin.get(path)).json()["value"]["series"] == changed
     again = (await admin.patch(path, json={"series": None})).json()["value"]["series"]
     assert again["temperature"] == limits
+
+
+@pytest.mark.parametrize(
+    ("series", "path", "words"),
+    [
+        ({"temprature": {"fail_low": 0.0}}, ["temprature"], "temprature is no channel of the"),
+        ({"salinity": {"fail_lo": 0.0}}, ["salinity", "fail_lo"], "there are fail_low, fail_high"),
+        ({"salinity": {"fail_low": 9.0, "fail_high": 1.0}}, ["salinity", "fail_high"], "above"),
+    ],
+)
+async def test_a_rule_that_does_not_fit_is_named(admin, series, path, words):
+    answer = await admin.patch("/api/config/quality", json={"series": series})
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["loc"] == ["series", *path]
+    assert words in error["msg"]
+
+
+async def test_kept_rules_that_would_be_refused_today_can_be_mended(app, admin):
+    store, kind = app.state.foundation.store, "quality"
+    value = {"series": {"salinity": {"fail_low": 0.0, "suspect_low": -1.0}}}
+    at = app.state.foundation.clock.now()
+    await store.write(lambda s: add_configuration(s, kind, "mini-1", value, at=at, by="ann"))
+    path = "/api/config/quality?robot=mini-1"
+    assert (await admin.get(path)).json()["value"]["series"]["salinity"]["suspect_low"] == -1.0
+    refused = await admin.patch(path, json={"version": "1.0.1"})
+    assert refused.json()["errors"][0]["loc"] == ["series", "salinity", "suspect_low"]
+    mended = {"series": {"salinity": {"suspect_low": None}}}
+    assert (await admin.patch(path, json=mended)).status_code == 200
 
 
 def test_presets_of_a_robot_follow_its_water():

@@ -136,6 +136,17 @@ async def test_a_flag_that_does_not_fit_names_its_field(client, deployment, chan
     assert field in {one["loc"][-1] for one in refused["errors"]}
 
 
+@pytest.mark.parametrize("late", ["first_at", "last_at"])
+async def test_a_flag_beyond_the_end_names_which_of_its_times_is_wrong(client, deployment, late):
+    await answered(client.post(f"{deployment}/end"))
+    at, after = datetime.now(UTC) - timedelta(minutes=40), datetime.now(UTC) + timedelta(hours=1)
+    said = {"series": "depth", "first_at": at.isoformat(), "flag": 3, "reason": "Mud"}
+    said |= {"last_at": after.isoformat(), late: after.isoformat()}
+    refused = await answered(client.post(f"{deployment}/flags", json=said), 422)
+    wrong = {one["loc"][-1] for one in refused["errors"]}
+    assert wrong == ({"last_at"} if late == "last_at" else {"first_at", "last_at"})
+
+
 async def test_a_flag_may_begin_with_the_whole_second_that_screens_show(client, deployment):
     begun = (await answered(client.get(deployment)))["started_at"]
     assert "." in begun
