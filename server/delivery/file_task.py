@@ -3,6 +3,7 @@
 import hashlib
 import os
 import secrets
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +18,7 @@ from server.delivery.field_check import field_checks
 from server.delivery.file_order import FileOrder
 from server.delivery.finding import CheckReport, Finding
 from server.delivery.judged import Judged, blocks_of, judged
-from server.delivery.og1_channel import file_variable
-from server.delivery.og1_file import NO_PLACE, Written, write_file
+from server.delivery.og1_file import FileRows, Written, stored, write_file
 from server.delivery.own_check import own_checks
 
 TASK = f"{__name__}:run"
@@ -71,10 +71,11 @@ def keep_file(
     order.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     part = order.folder / f".{secrets.token_hex(8)}{PART}.nc"
     try:
-        written = _written(session, order, found, part, report, is_cancelled)
+        rows = FileRows(order, found)
+        written = _written(session, rows, part, report, is_cancelled)
         report((0.72, "Reading it back"))
         findings = own_checks(part, f"{order.identity}.nc")
-        findings += list(_differences(session, order, written, is_cancelled))
+        findings += list(_differences(session, rows, written, is_cancelled))
         own = CheckReport(
             OWN_SUITE, order.software, "findings" if findings else "passed", tuple(findings), "", 0
         )
@@ -98,14 +99,13 @@ def keep_file(
 
 def _written(
     session: Session,
-    order: FileOrder,
-    found: Judged,
+    rows: FileRows,
     part: Path,
     report: Report,
     is_cancelled: IsCancelled,
 ) -> Written:
     try:
-        return write_file(session, order, found, part, report, is_cancelled)
+        return write_file(session, rows, part, report, is_cancelled)
     except (OSError, RuntimeError) as error:
         raise ValueError(
             f"the disk did not take the file ({error}); make room and write it again"
@@ -113,39 +113,33 @@ def _written(
 
 
 def _differences(
-    session: Session, order: FileOrder, written: Written, is_cancelled: IsCancelled
+    session: Session, rows: FileRows, written: Written, is_cancelled: IsCancelled
 ) -> Iterator[Finding]:
-    """Yield where a file, read again, is not what it was made of."""
+    """Yield where a file, read again, is not what it was made of: every value of every row."""
     offset = 0
-    different = dict.fromkeys(("TIME", "DEPTH", *_names(order)), 0)
+    different = Counter[str]()
     with netCDF4.Dataset(written.path) as file:
         file.set_auto_maskandscale(False)
-        for block in blocks_of(session, order.wanted, is_cancelled):
-            rows = slice(offset, offset + len(block))
+        for block in blocks_of(session, rows.order.wanted, is_cancelled):
+            for name, values in rows.of(offset, block).values.items():
+                variable = file[name]
+                expected = stored(variable, values)
+                there = variable[offset : offset + len(block)]
+                lacking = len(expected) - len(there)
+                different[name] += lacking + count_different(there, expected[: len(there)])
             offset += len(block)
-            different["TIME"] += int(
-                np.count_nonzero(file["TIME"][rows] != block.measured_at_us / 1e6)
-            )
-            depth = block.position_ned[:, 2]
-            margin = order.wanted.rules.depth.above_m
-            expected = np.where((depth < 0.0) & (depth >= -margin), 0.0, depth)
-            expected = np.where(np.isfinite(expected), expected, NO_PLACE)
-            different["DEPTH"] += int(np.count_nonzero(file["DEPTH"][rows] != expected))
-            for name, key in _names(order).items():
-                values = block.value[key].astype(np.float32)
-                same = np.array_equal(file[name][rows], values, equal_nan=True)
-                different[name] += 0 if same else len(block)
-        count = len(file["TIME"])
-    if count != offset:
-        different["TIME"] += abs(count - offset)
+        different["TIME"] += max(0, len(file["TIME"]) - offset)
     for name, number in different.items():
         if number:
-            what = f"{number} values are not what was kept."
+            what = f"{number} {'value is' if number == 1 else 'values are'} not what was kept."
             yield Finding("round_trip", name, what, "Write the file anew; look after the disk.")
 
 
-def _names(order: FileOrder) -> dict[str, str]:
-    return {file_variable(channel).name: key for key, channel in order.channels.items()}
+def count_different(one: np.ndarray, other: np.ndarray) -> int:
+    """Return how many values of two arrays of one shape differ; two that are none are the same."""
+    # a number that is not one differs from itself
+    same = (one == other) | ((one != one) & (other != other))
+    return int(np.count_nonzero(~same))
 
 
 def synced(part: Path) -> tuple[str, int]:

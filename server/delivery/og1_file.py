@@ -23,7 +23,15 @@ from db.query.measured.merged_rows import RowBlock
 from robot_link.messages import RobotMode
 from server.base.worker import IsCancelled, Report
 from server.delivery.file_order import FileOrder
-from server.delivery.judged import DEPTH, POSITION, Judged, add_rows, blocks_of, places_of
+from server.delivery.judged import (
+    DEPTH,
+    POSITION,
+    Judged,
+    Placed,
+    add_rows,
+    blocks_of,
+    places_of,
+)
 from server.delivery.og1_channel import FileVariable, file_variable, vocabulary
 from server.delivery.og1_header import Extent, write_header
 from server.delivery.og1_state import STATE_VARIABLES, state_values
@@ -53,8 +61,7 @@ class Written:
 
 def write_file(
     session: Session,
-    order: FileOrder,
-    found: Judged,
+    rows: "FileRows",
     path: Path,
     report: Report,
     is_cancelled: IsCancelled,
@@ -66,9 +73,9 @@ def write_file(
         OSError: If the disk has no room.
     """
     digest, raised, offset = hashlib.sha256(), 0, 0
-    total = max(1, len(found.at_us))
+    order, total = rows.order, max(1, len(rows.found.at_us))
     with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-        layout = _Layout(file, order, found)
+        layout = _Layout(file, rows)
         for block in blocks_of(session, order.wanted, is_cancelled):
             raised += layout.write(offset, block)
             add_rows(digest, block)
@@ -79,78 +86,91 @@ def write_file(
     return Written(path, offset, source, raised)
 
 
-class _Layout:
-    """The variables of one file that have a value for each row."""
+@dataclass(frozen=True, slots=True, eq=False)
+class FileBlock:
+    """What stands in a file of the rows of one block."""
 
-    def __init__(self, file: Any, order: FileOrder, found: Judged) -> None:  # noqa: ANN401 - netCDF4 has no types
-        self._file, self._order, self._found = file, order, found
-        self.extent = Extent()
-        file.createDimension(DIMENSION, None)
-        self._chunk = (min(max(1, len(found.at_us)), CHUNK_ROWS),)
-        self._names = {key: file_variable(channel) for key, channel in order.channels.items()}
+    values: Mapping[str, np.ndarray]
+    """By variable, shape ``(n,)`` each; a float that is not finite stands for none."""
+    placed: Placed
+    times_s: FloatArray
+
+
+class FileRows:
+    """What stands in a file for each row, whether it is written or held against what was read."""
+
+    def __init__(self, order: FileOrder, found: Judged) -> None:
+        self.order, self.found = order, found
+        self.names = {key: file_variable(channel) for key, channel in order.channels.items()}
         times_s = (found.at_us - found.at_us[:1]) / 1e6
         self._phase = self._phases(times_s)
         self._profile, self._direction = phases.profiles(self._phase)
         self._segment = phases.segments(found.has_fix)
         flags = (POSITION, DEPTH, *order.channels)
         self._flags = {key: found.og1(key, order.manual) for key in flags}
-        self._make_places()
-        self._make_channels()
-        self._make_flight()
 
-    def write(self, offset: int, block: RowBlock) -> int:
-        """Write rows from one on; return how many depths were above the surface."""
+    @property
+    def has_modes(self) -> bool:
+        """Whether the robot told what it did."""
+        return not (self.found.mode == phases.NO_MODE).all()
+
+    def of(self, offset: int, block: RowBlock) -> FileBlock:
+        """Return what stands there of a block whose first row is the one of this number."""
         rows = slice(offset, offset + len(block))
-        placed = places_of(block, self._order.wanted)
+        placed = places_of(block, self.order.wanted)
         places, known = placed.wgs84, placed.is_known
         times_s = block.measured_at_us / 1e6
-        self.extent.take(times_s, places, block.has_fix)
-        self._put("TIME", rows, times_s)
-        for number, name in enumerate(("LATITUDE", "LONGITUDE", "DEPTH")):
-            self._put(name, rows, places[:, number])
         fix = np.where(block.has_fix, 1.0, np.nan)
-        self._put("TIME_GPS", rows, times_s * fix)
-        self._put("LATITUDE_GPS", rows, places[:, 0] * fix)
-        self._put("LONGITUDE_GPS", rows, places[:, 1] * fix)
-        self._put("POSITION_STD", rows, np.where(known, block.position_std_m, np.nan))
-        self._put_integers("POSITION_SOURCE", rows, self._source(block, known))
-        level = fidelity_level(block.position_std_m, self._order.thresholds_m)
+        level = fidelity_level(block.position_std_m, self.order.thresholds_m)
         is_told = known & np.isfinite(block.position_std_m)
-        self._put_integers("FIDELITY_LEVEL", rows, np.where(is_told, level, OG1_FILL))
-        for key, named in self._names.items():
-            self._put(named.name, rows, block.value[key])
-            self._put_integers(f"{named.name}_QC", rows, self._flags[key][rows])
+        values: dict[str, np.ndarray] = {
+            "TIME": times_s,
+            "LATITUDE": places[:, 0],
+            "LONGITUDE": places[:, 1],
+            "DEPTH": places[:, 2],
+            "TIME_GPS": times_s * fix,
+            "LATITUDE_GPS": places[:, 0] * fix,
+            "LONGITUDE_GPS": places[:, 1] * fix,
+            "POSITION_STD": np.where(known, block.position_std_m, np.nan),
+            "POSITION_SOURCE": self._source(block, known),
+            "FIDELITY_LEVEL": np.where(is_told, level, OG1_FILL),
+        }
+        for key, named in self.names.items():
+            values[named.name] = block.value[key]
+            values[f"{named.name}_QC"] = self._flags[key][rows]
         for one in STATE_VARIABLES:
-            self._put(one.name, rows, state_values(block, one.key, self._order.wanted))
-        self._put_flags(rows, block)
-        return placed.raised
+            values[one.name] = state_values(block, one.key, self.order.wanted)
+        return FileBlock({**values, **self._numbers(rows, block)}, placed, times_s)
 
-    def _put_flags(self, rows: slice, block: RowBlock) -> None:
-        position, depth = self._flags[POSITION][rows], self._flags[DEPTH][rows]
-        for name in ("LATITUDE", "LONGITUDE"):
-            self._put_integers(f"{name}_QC", rows, position)
-            at_fix = np.where(block.has_fix, position, OG1_FILL)
-            self._put_integers(f"{name}_GPS_QC", rows, at_fix)
-        self._put_integers("DEPTH_QC", rows, depth)
-        late_us = np.int64(self._order.written_at.timestamp() * 1e6) + 60_000_000
+    def _numbers(self, rows: slice, block: RowBlock) -> dict[str, np.ndarray]:
+        """Return the flags of place and time, and where in the flight rows are."""
+        position, profile = self._flags[POSITION][rows], self._profile[rows]
+        late_us = np.int64(self.order.written_at.timestamp() * 1e6) + 60_000_000
         time = np.where(block.measured_at_us > late_us, 4, 1)
-        self._put_integers("TIME_QC", rows, time)
-        self._put_integers("TIME_GPS_QC", rows, np.where(block.has_fix, time, OG1_FILL))
-        self._put_integers("PHASE", rows, self._phase[rows])
-        self._put_integers("PHASE_QC", rows, np.zeros(len(block), dtype=np.int8))
-        self._put_integers("SEGMENT_NUMBER", rows, self._segment[rows])
-        profile = self._profile[rows]
-        self._put_integers("PROFILE_NUMBER", rows, np.where(profile == 0, NO_NUMBER, profile))
-        self._put_integers("PROFILE_DIRECTION", rows, self._direction[rows])
+        at_fix = np.where(block.has_fix, position, OG1_FILL)
+        return {
+            "LATITUDE_QC": position,
+            "LATITUDE_GPS_QC": at_fix,
+            "LONGITUDE_QC": position,
+            "LONGITUDE_GPS_QC": at_fix,
+            "DEPTH_QC": self._flags[DEPTH][rows],
+            "TIME_QC": time,
+            "TIME_GPS_QC": np.where(block.has_fix, time, OG1_FILL),
+            "PHASE": self._phase[rows],
+            "PHASE_QC": np.zeros(len(block), dtype=np.int8),
+            "SEGMENT_NUMBER": self._segment[rows],
+            "PROFILE_NUMBER": np.where(profile == 0, NO_NUMBER, profile),
+            "PROFILE_DIRECTION": self._direction[rows],
+        }
 
     def _source(self, block: RowBlock, known: np.ndarray) -> np.ndarray:
-        reckoned = 0 if self._order.robot.kind == "recorded" else RECKONED
+        reckoned = 0 if self.order.robot.kind == "recorded" else RECKONED
         source = np.where(block.has_fix, FIX, np.where(block.is_smoothed, SMOOTHED, reckoned))
         return np.where(known, source, OG1_FILL)
 
     def _phases(self, times_s: FloatArray) -> FlagArray:
-        mode, depth = self._found.mode, self._found.depth_m
-        if (mode == phases.NO_MODE).all():
+        mode, depth = self.found.mode, self.found.depth_m
+        if not self.has_modes:
             return phases.phase_by_depth(depth, times_s)
         return phases.phase_by_mode(
             mode,
@@ -162,15 +182,35 @@ class _Layout:
             aborting=int(RobotMode.ABORTING),
         )
 
-    def _put(self, name: str, rows: slice, values: FloatArray) -> None:
-        """Write numbers, with the fill value of the variable where there is none."""
-        variable = self._file[name]
-        fill = variable.getncattr("_FillValue")
-        variable[rows] = np.where(np.isfinite(values), values, fill)
 
-    def _put_integers(self, name: str, rows: slice, values: np.ndarray) -> None:
-        variable = self._file[name]
-        variable[rows] = values.astype(variable.dtype)
+def stored(variable: Any, values: np.ndarray) -> np.ndarray:  # noqa: ANN401 - netCDF4 has no types
+    """Return values as a variable has them, with its fill value where there is none."""
+    if values.dtype.kind == "f":
+        fill = variable.getncattr("_FillValue")
+        values = np.where(np.isfinite(values), values, fill)
+    return values.astype(variable.dtype)
+
+
+class _Layout:
+    """The variables of one file that have a value for each row."""
+
+    def __init__(self, file: Any, rows: FileRows) -> None:  # noqa: ANN401 - netCDF4 has no types
+        self._file, self._rows, self._order = file, rows, rows.order
+        self.extent = Extent()
+        file.createDimension(DIMENSION, None)
+        self._chunk = (min(max(1, len(rows.found.at_us)), CHUNK_ROWS),)
+        self._make_places()
+        self._make_channels()
+        self._make_flight()
+
+    def write(self, offset: int, block: RowBlock) -> int:
+        """Write rows from one on; return how many depths were above the surface."""
+        found = self._rows.of(offset, block)
+        self.extent.take(found.times_s, found.placed.wgs84, block.has_fix)
+        for name, values in found.values.items():
+            variable = self._file[name]
+            variable[offset : offset + len(block)] = stored(variable, values)
+        return found.placed.raised
 
     def _make(self, name: str, kind: str, fill: float, attributes: Mapping[str, Any]) -> None:
         variable = self._file.createVariable(
@@ -326,7 +366,7 @@ class _Layout:
         )
 
     def _make_channels(self) -> None:
-        for key, named in self._names.items():
+        for key, named in self._rows.names.items():
             channel, rule = self._order.channels[key], self._order.wanted.rules.series.get(key)
             sensor = self._order.metadata.sensors.get(key)
             told = _data(channel, named) | {"sensor": (sensor and sensor.variable) or None}
@@ -348,9 +388,9 @@ class _Layout:
             }
             self._make(one.name, "f4", np.nan, attributes)
         how = (
-            "from the depth alone: five-point mean, 0.02 m/s, surface above 1 m"
-            if (self._found.mode == phases.NO_MODE).all()
-            else "from the mode that the robot reported, and its vertical speed"
+            "from the mode that the robot reported, and its vertical speed"
+            if self._rows.has_modes
+            else "from the depth alone: five-point mean, 0.02 m/s, surface above 1 m"
         )
         self._make(
             "PHASE",

@@ -263,6 +263,29 @@ def test_a_cancelled_file_leaves_nothing_behind(kept, asked_before):
     assert list((folder / "cancelled").glob("*")) == []
 
 
+SPOILT = ("TIME", "DEPTH", "LATITUDE", "LONGITUDE_GPS", "TEMP", "TEMP_QC", "HEADING", "PHASE")
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_one_value_that_is_not_what_was_kept_is_one_finding(kept, monkeypatch, name):
+    store, url, folder = kept
+    monkeypatch.setattr(file_task, "field_checks", lambda *_: [])
+    write = file_task.write_file
+
+    def write_and_spoil(session, rows, path, *more):
+        written = write(session, rows, path, *more)
+        with netCDF4.Dataset(path, "a") as file:
+            file.set_auto_maskandscale(False)
+            file[name][0] = file[name][0] + 1
+        return written
+
+    monkeypatch.setattr(file_task, "write_file", write_and_spoil)
+    order = order_for(store, url, folder / "spoilt", "mini-1")
+    (own,) = file_task.run(order, lambda _: None, lambda: False).checks
+    found = [(one.variable, one.message) for one in own.findings if one.check == "round_trip"]
+    assert found == [(name, "1 value is not what was kept.")]
+
+
 def test_a_disk_without_room_is_said_and_nothing_is_kept(kept, monkeypatch):
     store, url, folder = kept
     order = order_for(store, url, folder / "full", "mini-1")
