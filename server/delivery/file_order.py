@@ -34,6 +34,8 @@ class FileOrder:
     folder: Path
     earlier: str = ""
     """History of the file that was written before, a line for each writing."""
+    came_after: int = 0
+    """Measurements that came after the deployment was signed: nobody answers for them."""
 
     @property
     def history(self) -> str:

@@ -76,6 +76,8 @@ def keep_file(
         report((0.72, "Reading it back"))
         findings = own_checks(part, f"{order.identity}.nc")
         findings += list(_differences(session, rows, written, is_cancelled))
+        if order.came_after:
+            findings.append(_unsigned(order))
         own = CheckReport(
             OWN_SUITE, order.software, "findings" if findings else "passed", tuple(findings), "", 0
         )
@@ -95,6 +97,13 @@ def keep_file(
         left_out=found.left_out,
         checks=checks,
     )
+
+
+def _unsigned(order: FileOrder) -> Finding:
+    came = "1 value" if order.came_after == 1 else f"{order.came_after} values"
+    what = f"{came} came after the signature of {order.signed_by}."
+    fix = "Reopen the deployment, check its data, and review it anew."
+    return Finding("signature", "", what, fix)
 
 
 def _written(

@@ -31,7 +31,7 @@ from server.delivery import file_task
 from server.delivery.file_order import FileOrder
 from server.delivery.file_task import KeptFile
 from server.delivery.package.order import words_sha256
-from server.delivery.quality import wanted_of
+from server.delivery.quality import samples_of, wanted_of
 
 FOLDER: Final = "delivery"
 """Of the data folder."""
@@ -133,8 +133,15 @@ def order_of(session: Session, wish: Wish) -> FileOrder:
         written_at=wish.at,
         software=f"grace-ground-station {version('grace-ground-station')}",
         folder=wish.data_dir / FOLDER,
+        came_after=_came_after(session, record) if mode == "D" else 0,
         earlier=str(before[0].document["history"]) if before else "",
     )
+
+
+def _came_after(session: Session, record: DeploymentRecord) -> int:
+    """Return how many measurements came after the signature; 0 of one that did not count them."""
+    signed = record.document["review"].get("samples")
+    return 0 if signed is None else max(0, sum(samples_of(session, record).values()) - signed)
 
 
 def write_kept(

@@ -66,6 +66,17 @@ def wanted_of(
     )
 
 
+def run_of(session: Session, deployment: str, database_url: str) -> Wanted:
+    """Return what a run judges: once the robot is back, the values of the file that is signed.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+        Problem: 409 if it has not begun.
+    """
+    is_back = get_deployment(session, deployment).state not in ("planned", "in_water")
+    return wanted_of(session, deployment, database_url, smoothed=is_back)
+
+
 def samples_of(session: Session, record: DeploymentRecord) -> dict[str, int]:
     """Return how many measurements there are of each channel of a deployment that has begun."""
     start, end = record.begun_at, record.last_at
@@ -192,7 +203,7 @@ class QualityRuns:
         """
         url = self._foundation.settings.resolved_database_url
         store = self._foundation.store
-        wanted = await store.query(lambda session: wanted_of(session, deployment, url))
+        wanted = await store.query(lambda session: run_of(session, deployment, url))
         return await self._runs.start_alone(
             deployment,
             lambda progress: self._work(wanted, by, progress),

@@ -17,7 +17,7 @@ What a robot said belongs to one by its time alone, so every change of times mov
 counts of its samples.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -30,6 +30,7 @@ from db.identity import public_id
 from db.query.change import row_and_robot
 from db.query.fleet.deployments import DeploymentRecord, deployment_record
 from db.query.fleet.robots import get_robot
+from db.query.measured.samples import sampled_variables
 from db.tables import Deployment, Robot
 
 BEGUN = ("in_water", "recovered")
@@ -193,14 +194,17 @@ def correct_deployment(
 def review_deployment(
     session: Session, deployment: str, note: str, at: datetime, by: str
 ) -> DeploymentRecord:
-    """Sign that the data of a deployment were looked at.
+    """Sign that the data of a deployment were looked at, and keep how many measurements there were.
 
     Raises:
         UnknownIdError: If there is none of this id.
         DeploymentStateError: If it is not recovered.
     """
     row, robot = _any_row(session, deployment, "recovered")
-    _sign(session, row, "reviewed", "review", {"by": by, "at": at.isoformat(), "note": note})
+    seen = deployment_record(session, row, robot)
+    samples = sampled_variables(session, robot, start=seen.begun_at, end=seen.last_at, log=seen.log)
+    signature = {"by": by, "at": at.isoformat(), "note": note, "samples": sum(samples.values())}
+    _sign(session, row, "reviewed", "review", signature)
     return deployment_record(session, row, robot)
 
 
@@ -267,7 +271,7 @@ def _any_row(session: Session, deployment: str, *states: str) -> tuple[Deploymen
 
 
 def _sign(
-    session: Session, row: Deployment, state: str, key: str, signature: dict[str, str] | None
+    session: Session, row: Deployment, state: str, key: str, signature: Mapping[str, Any] | None
 ) -> None:
     """Move a deployment and keep who did it, when, and what they said."""
     kept = {name: value for name, value in row.document.items() if name != key}

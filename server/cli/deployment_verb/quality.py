@@ -10,7 +10,7 @@ from server.cli.data import checked, clock_of, open_remote, open_store, result_o
 from server.cli.deployment_verb.word import BY, refusal, utc_moment
 from server.cli.failure import CommandError
 from server.delivery import quality_task
-from server.delivery.quality import FLAG_WORDS, wanted_of, write_flag, write_run
+from server.delivery.quality import FLAG_WORDS, run_of, write_flag, write_run
 
 ACTIONS = ("check", "flag")
 _FLAGS = {words.replace(" ", "-"): flag for flag, words in FLAG_WORDS.items()}
@@ -53,7 +53,7 @@ def _counts(arguments: Namespace) -> Mapping[str, Any]:
     url = settings.resolved_database_url
     with open_store(settings) as store:
         with store.read() as session:
-            wanted = wanted_of(session, arguments.deployment, url)
+            wanted = run_of(session, arguments.deployment, url)
         try:
             found = quality_task.run(wanted, lambda _: None, lambda: False)
         except ValueError as error:

@@ -2,6 +2,7 @@
 
 import asyncio
 import hashlib
+from datetime import UTC, datetime, timedelta
 
 import netCDF4
 
@@ -9,7 +10,7 @@ from server.access.role import Role
 from server.base.worker import WorkerTaskError
 from server.delivery import file_task
 from tests.server.conftest import MINI, api_client, until
-from tests.server.deployment.shore import answered
+from tests.server.deployment.shore import answered, sample_at
 
 METADATA = {
     "principal_investigator": {"name": "Ann", "email": "ann@example.org"},
@@ -103,6 +104,37 @@ async def test_a_file_of_a_deployment_that_was_opened_anew_meanwhile_is_not_kept
     assert told["state"] == "failed"
     assert "was changed while its file was written" in told["message"]
     assert (await answered(client.get(f"{deployment}/files")))["files"] == []
+
+
+async def test_a_signed_file_says_what_came_after_the_signature(
+    client, station, world, deployment, monkeypatch
+):
+    monkeypatch.setattr(file_task, "field_checks", lambda *_: [])
+
+    async def run_here(pool, task, payload, *, on_progress=None, processor_limit_s=None):
+        return file_task.run(payload, on_progress or (lambda _: None), lambda: False)
+
+    monkeypatch.setattr("server.base.worker.WorkerPool.run", run_here)
+    await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
+    await answered(client.post(f"{deployment}/end"))
+    await answered(client.post(f"{deployment}/review"))
+    at = datetime.now(UTC) - timedelta(minutes=25)
+    world.tell(sample_at(MINI, at, 1000, "temperature"))
+    station.ingest.flush()
+
+    async def said():
+        assert (await write(client, deployment, no_better_data=True))["state"] == "done"
+        newest, *_ = (await answered(client.get(f"{deployment}/files")))["files"]
+        return [one["message"] for one in newest["checks"][0]["findings"]]
+
+    async def is_late():
+        (found,) = await said() or [""]
+        return found.startswith("1 value came after the signature of ")
+
+    await until(is_late)
+    await answered(client.post(f"{deployment}/reopen", json={"reason": "A late value."}))
+    await answered(client.post(f"{deployment}/review"))
+    assert await said() == []
 
 
 async def test_one_file_of_a_deployment_is_written_at_a_time(client, deployment, monkeypatch):

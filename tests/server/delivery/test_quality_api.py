@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from server.access.role import Role
+from server.delivery.quality import run_of
 from tests.server.conftest import MINI, api_client, until
 from tests.server.deployment.shore import answered, sample_at
 
@@ -98,6 +99,18 @@ async def test_a_check_says_how_many_values_came_after_it(client, deployment, wo
 
     await until(counted)
     assert (await run(client, deployment))["run"]["came_after"] == 0
+
+
+async def test_a_check_of_a_robot_that_is_back_sees_what_is_signed(client, deployment, station):
+    name = deployment.rpartition("/")[2]
+
+    async def is_smoothed():
+        wanted = await station.foundation.store.query(lambda session: run_of(session, name, ""))
+        return wanted.smoothed
+
+    assert not await is_smoothed()
+    await answered(client.post(f"{deployment}/end"))
+    assert await is_smoothed()
 
 
 async def test_a_person_flags_a_stretch_and_withdraws_it(client, deployment):
