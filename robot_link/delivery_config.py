@@ -3,14 +3,23 @@
 Values are kept per robot and for the station, and offered again with the next deployment.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from autonomy.configuration import Configuration
 
-_LIST_PART = r"^[^,\r\n]*$"
-"""Files join names with commas, so none may be in one."""
+
+def _without_comma(name: str) -> str:
+    """Return a name as it is; files join names with commas, so none may be in one."""
+    if "," in name or "\n" in name or "\r" in name:
+        raise ValueError(
+            "may have no comma, which would make two of one: write Ann Lee, not Lee, Ann"
+        )
+    return name
+
+
+ListPart = Annotated[str, AfterValidator(_without_comma)]
 
 
 def _text(title: str, length_max: int = 200, pattern: str | None = None) -> str:
@@ -20,7 +29,7 @@ def _text(title: str, length_max: int = 200, pattern: str | None = None) -> str:
 class Contributor(Configuration):
     """A person who answers for a part of the data."""
 
-    name: str = _text("Name", 100, _LIST_PART)
+    name: ListPart = _text("Name", 100)
     """Without a comma, which would make two people of one."""
     email: str = _text("E-mail", 200, r"^([^@,\s]+@[^@,\s]+)?$")
     """Where this person is reached; it is published with the data."""
@@ -75,9 +84,9 @@ class DeliveryMetadata(Configuration):
     """Who flew the robot."""
     data_manager: Contributor = Field(default=Contributor(), title="Data manager")
     """Who looks after the data."""
-    operating_agency: str = _text("Operating agency", 200, _LIST_PART)
+    operating_agency: ListPart = _text("Operating agency", 200)
     """The institution that operates the robot; must be named."""
-    owner: str = _text("Owner", 200, _LIST_PART)
+    owner: ListPart = _text("Owner", 200)
     """The institution that owns it, where it is another."""
     naming_authority: str = _text("Naming authority")
     """Who gives names to data sets, such as a domain in reverse."""

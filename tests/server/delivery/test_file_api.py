@@ -44,6 +44,7 @@ async def test_what_the_metadata_lack_is_named_and_no_file_is_written(client, de
     comma = {"principal_investigator": {"name": "Ann, Ben"}}
     refused = await answered(client.patch("/api/config/delivery", json=comma), 422)
     assert refused["errors"][0]["loc"] == ["principal_investigator", "name"]
+    assert "no comma" in refused["errors"][0]["msg"]
 
 
 async def test_a_file_is_written_checked_listed_and_fetched(
