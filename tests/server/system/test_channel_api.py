@@ -94,6 +94,12 @@ async def test_what_stored_values_mean_is_fixed(client, world):
     world.robots[MINI].sample(PLACE, "#130", 3.0)
     told = await newest(client, "methane")
     assert (told["value"], told["unit"]) == (3.0, "umol/L")
+
+    async def stored():  # a value is shown before it is stored
+        path = f"/api/robots/{MINI}/samples"
+        return (await client.get(path, params={"channel": "methane"})).json()["value"]
+
+    assert await until(stored) == [3.0]
     fixed = await client.patch("/api/channels/methane", json={"unit": "nmol/L"})
     assert fixed.status_code == 409
     assert "unit of Methane is fixed" in fixed.json()["detail"]
