@@ -96,7 +96,10 @@ async def test_a_reviewed_file_is_flagged_by_the_rules_that_its_reviewer_saw(
     await answered(client.patch(f"/api/config/delivery?robot={MINI}", json=METADATA))
     await answered(client.post(f"{deployment}/end"))
     await answered(client.post(f"{deployment}/review"))
-    strict = {"version": "2.0.0", "series": {"temperature": {"fail_low": 30.0, "suspect_low": None}}}
+    strict = {
+        "version": "2.0.0",
+        "series": {"temperature": {"fail_low": 30.0, "suspect_low": None}},
+    }
     await answered(client.patch(f"/api/config/quality?robot={MINI}", json=strict))
     told = await deliver(client, deployment, no_better_data=True)
     assert told["state"] == "done", told["message"]
