@@ -10,17 +10,15 @@ from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.profile.dive import Dive, Legs, find_dives, leg_at, legs_of
-from autonomy.quality.flag import FAIL, GOOD, OG1_FILL, FlagArray, og1_flags
+from autonomy.quality.flag import FAIL, OG1_FILL, FlagArray
 from autonomy.seawater import conservative_temperature
 from db.column import microseconds
+from db.query.measured.flags_at import flags_of
 from db.query.measured.merged_rows import RowBlock
 from db.query.measured.quality import (
     ManualFlag,
-    QualityRun,
-    flag_spans,
     manual_flags,
     newest_quality_run,
-    seen_moments,
 )
 from server.analysis import kept
 from server.analysis.question import CONSERVATIVE, SALINITY, TEMPERATURE, Question
@@ -184,38 +182,10 @@ class Flags:
             found = np.maximum(self.of(SALINITY, columns), self.of(TEMPERATURE, columns))
             found[~np.isfinite(columns.values[CONSERVATIVE])] = OG1_FILL
             return found
-        at_us = columns.at_us
-        qartod = np.zeros(len(at_us), dtype=np.int8)
-        run = self._run
-        if run is not None and series in run.counts:
-            seen = self._seen(run, series, columns)
-            qartod[seen] = GOOD
-            spans = flag_spans(self._session, run.key, series)
-            begins = np.searchsorted(at_us, spans[:, 0], side="left")
-            ends = np.searchsorted(at_us, spans[:, 1], side="right")
-            for begin, end, flag in zip(begins, ends, spans[:, 2], strict=True):
-                qartod[begin:end][seen[begin:end]] = flag
-        flags = og1_flags(qartod)
-        for one in self._manual:
-            if one.series == series:
-                begin = np.searchsorted(at_us, microseconds(one.first_at), side="left")
-                end = np.searchsorted(at_us, microseconds(one.last_at), side="right")
-                flags[begin:end] = one.flag
-        flags[~np.isfinite(columns.values[series])] = OG1_FILL
+        told = np.isfinite(columns.values[series])
+        flags = flags_of(self._session, self._run, self._manual, series, columns.at_us, told)
+        flags[~told] = OG1_FILL
         return flags
-
-    def _seen(self, run: QualityRun, series: str, columns: Columns) -> BoolArray:
-        """Return which rows have a value that the run saw, shape ``(n,)``.
-
-        Of a run that did not keep it nothing is known, unless there are as many values now as
-        it counted.
-        """
-        moments = seen_moments(self._session, run.key, series)
-        if moments is not None:
-            return np.isin(columns.at_us, moments, assume_unique=True)
-        told = np.isfinite(columns.values[series]) & (columns.at_us <= microseconds(run.at))
-        counted = sum(run.counts[series]["all"].values())
-        return told & (np.count_nonzero(told) == counted)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
