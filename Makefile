@@ -15,7 +15,8 @@ help:
 	@echo "make wheel   the product as one file for pip, in build/wheel"
 	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
 
-demo: ready
+# A demo with cameras needs what finds their tags.
+demo: ready $(if $(findstring --cameras,$(DEMO)),$(VENV)/camera.stamp)
 	@$(BIN)/grace demo $(DEMO)
 
 # Two at a time: each worker begins with half of the tests, and whoever is done takes over some of
@@ -95,6 +96,11 @@ $(VENV)/dev.stamp: $(VENV)/runtime.stamp requirements-dev.lock
 	@echo "Installing the pinned packages for tests and checks"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-dev.lock
 	@$(BIN)/python -m pip check --disable-pip-version-check
+	@touch $@
+
+$(VENV)/camera.stamp: $(VENV)/runtime.stamp requirements-camera.lock
+	@echo "Installing the pinned packages for cameras"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements-camera.lock
 	@touch $@
 
 $(VENV)/reproduction.stamp: $(VENV)/runtime.stamp requirements-reproduction.lock

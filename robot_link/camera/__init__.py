@@ -1,0 +1,1 @@
+"""Cameras as sources of positions: what their processes see, and how they say it."""
