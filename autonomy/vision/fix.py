@@ -216,7 +216,8 @@ def find_robot(
     sightings: Sequence[Sighting],
     *,
     guess: Pose | None = None,
-    velocity_ned_m_s: Sequence[float] = (0.0, 0.0, 0.0),
+    velocity_ned_m_s: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
+    velocity_std_m_s: float = VELOCITY_STD_M_S,
     telemetry: Telemetry | None = None,
 ) -> Fix | NoFix:
     """Find the pose of what carries tags: a robot, or a fixed tag alone.
@@ -227,6 +228,7 @@ def find_robot(
         sightings: Of one moment, within 60 ms; wrong ones and those of other tags are passed over.
         guess: Where it should be, if that is known.
         velocity_ned_m_s: With which it moves meanwhile.
+        velocity_std_m_s: How well that is known, per axis.
         telemetry: What it says of itself.
 
     Returns:
@@ -237,7 +239,8 @@ def find_robot(
     if not used:
         return NoFix(_why_none(rig, known, sightings))
     shown = [known[s.tag_id] for s in used]
-    search = _Search(rig, used, shown, np.array(velocity_ned_m_s), telemetry, seeks_eye=False)
+    velocity = np.array(velocity_ned_m_s, dtype=np.float64)
+    search = _Search(rig, used, shown, velocity, velocity_std_m_s, telemetry, seeks_eye=False)
     several = len({s.camera for s in used}) > 1 or len(known.keys() & {s.tag_id for s in used}) > 1
     if guess is not None and several:
         quick = search.solved([guess])
@@ -275,7 +278,7 @@ def find_camera(
     if not used:
         return NoFix(_why_none(above, known, sightings))
     shown = [known[s.tag_id] for s in used]
-    search = _Search(rig, used, shown, np.zeros(3), telemetry, seeks_eye=True)
+    search = _Search(rig, used, shown, np.zeros(3), VELOCITY_STD_M_S, telemetry, seeks_eye=True)
     starts = [] if guess is None else [guess]
     for sighting, tag in zip(used, shown, strict=True):
         starts.extend(_camera_starts(camera, sighting, tag, rig))
@@ -291,12 +294,13 @@ class _Search:
         used: Sequence[Sighting],
         shown: Sequence[Tag],
         velocity_ned_m_s: FloatArray,
+        velocity_std_m_s: float,
         telemetry: Telemetry | None,
         *,
         seeks_eye: bool,
     ) -> None:
         self._rig, self._used, self._shown = rig, tuple(used), tuple(shown)
-        self._seeks_eye = seeks_eye
+        self._seeks_eye, self._velocity_std_m_s = seeks_eye, velocity_std_m_s
         self.numbers: IntArray = np.array([rig.number(s.camera) or 0 for s in used])
         self._corners = np.array([tag.corners_m for tag in shown])
         self._measured = np.array([s.corners_px for s in used], dtype=np.float64)
@@ -432,7 +436,7 @@ class _Search:
             eyes_m=eyes_m,
             carrier=carrier,
             after_s=self._after_s,
-            velocity_std_m_s=VELOCITY_STD_M_S,
+            velocity_std_m_s=self._velocity_std_m_s,
             seeks_eye=self._seeks_eye,
         )
         first = kernel.EYE_PLACE if self._seeks_eye else kernel.BODY_PLACE
