@@ -404,6 +404,8 @@ class LinkReport:
     """Sentence on another robot that speaks under the robot's system id."""
     is_signed: bool = False
     """Whether a frame counts only with the robot's signature, and the robot knows ours."""
+    words: str = ""
+    """What its state means, of a link of which the state alone says too little; a sentence."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The links of a robot as an operator sees them: state, age, what each carries, in words."""
 
 from robot_link.messages import LinkReport, LinkState
-from robot_link.station.gateway.address import is_acoustic, is_satellite
+from robot_link.station.gateway.address import is_acoustic, is_cameras, is_satellite
 from server.fleet.disabled_links import shared_port
 from server.fleet.link_view import RobotLinkView
 from server.fleet.status import RobotStatus
@@ -21,9 +21,11 @@ def link_views(status: RobotStatus) -> list[RobotLinkView]:
 
 
 def kind_of(uri: str) -> str:
-    """Return ``radio``, ``satellite`` or ``acoustic``."""
+    """Return ``radio``, ``satellite``, ``acoustic`` or ``camera``."""
     if is_satellite(uri):
         return "satellite"
+    if is_cameras(uri):
+        return "camera"
     return "acoustic" if is_acoustic(uri) else "radio"
 
 
@@ -44,7 +46,7 @@ def _view(status: RobotStatus, uri: str, report: LinkReport | None) -> RobotLink
         frames_received=0 if report is None else report.frames_received,
         frames_bad=0 if report is None else report.frames_bad,
         is_signed=(report is not None and report.is_signed) if kind == "radio" else None,
-        text=_with_trouble(_text(status, kind, _carrier(uri), state), report),
+        text=_with_trouble(_text(status, kind, _carrier(uri), state, report), report),
         carries=_carries(status, kind, state) if is_enabled else [],
     )
 
@@ -57,13 +59,15 @@ def _with_trouble(text: str, report: LinkReport | None) -> str:
 
 
 def _carrier(uri: str) -> str:
-    return uri.partition("://")[0]
+    return uri.partition(":")[0]
 
 
 def _carries(status: RobotStatus, kind: str, state: LinkState) -> list[str]:
     """Return what takes this link as things are; a surface order takes every one."""
     if kind == "acoustic":
         return ["range"]
+    if kind == "camera":
+        return ["position"]
     if kind == "satellite":
         return ["surface"] if status.known_links.radio_reaches else list(_SATELLITE)
     if state in (LinkState.LIVE, LinkState.SUBMERGED) and status.known_links.radio_reaches:
@@ -71,8 +75,14 @@ def _carries(status: RobotStatus, kind: str, state: LinkState) -> list[str]:
     return ["surface"] if status.known_links.has_satellite else list(_DIALOGUE)
 
 
-def _text(status: RobotStatus, kind: str, carrier: str, state: LinkState) -> str:
+def _text(
+    status: RobotStatus, kind: str, carrier: str, state: LinkState, report: LinkReport | None
+) -> str:
     robot, title = status.record.id, carrier_title(carrier)
+    if state is LinkState.DISABLED and kind == "camera":
+        return f"{title} are unplugged; {robot} is neither sought nor told where it is."
+    if kind == "camera":
+        return f"{title} never saw {robot}." if report is None else report.words
     if state is LinkState.DISABLED:
         return f"{title} is unplugged; nothing is sent or taken until it is plugged in again."
     if kind == "acoustic" and state is LinkState.MUTE:

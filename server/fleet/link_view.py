@@ -17,8 +17,8 @@ class RobotLinkView(View):
     uri: str
     carrier: str
     """What carries it, such as ``xbee``, ``rockblock`` or ``micromodem``."""
-    kind: Annotated[str, one_of("radio", "satellite", "acoustic")]
-    """``radio``, ``satellite`` or ``acoustic``."""
+    kind: Annotated[str, one_of("radio", "satellite", "acoustic", "camera")]
+    """``radio``, ``satellite``, ``acoustic`` or ``camera``."""
     state: LinkStateName
     """``never_heard``, ``live``, ``stale``, ``submerged``, ``mute`` (the station's own radio does
     not answer), ``port_closed`` or ``unplugged``."""
@@ -31,12 +31,12 @@ class RobotLinkView(View):
     is_signed: bool | None
     """Whether a radio's frames are signed; without, whoever has such a radio can pose as the robot
     or as this station. ``null`` of other kinds: satellite messages always carry a proof, and the
-    modem's ranges none."""
+    modem's ranges and cameras none."""
     text: str
     """Its state in one sentence."""
     carries: list[str]
     """Which kinds of message take this link now: ``telemetry``, ``plan``, ``command``,
-    ``surface``, ``parameters``, ``files`` or ``range``."""
+    ``surface``, ``parameters``, ``files``, ``range`` or ``position``."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,11 @@ from robot_link.report import (
     VehicleReport,
     VehicleWord,
 )
-from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
+from robot_link.station.gateway.address import (
+    ACOUSTIC_CARRIER,
+    CAMERA_CARRIER,
+    SATELLITE_CARRIERS,
+)
 from robot_link.transport.opening import is_radio
 from server.fleet.clock_fault import ClockFault
 from server.fleet.routing import KnownLinks
@@ -40,6 +44,7 @@ SURFACE_DEPTH_M = 0.3
 FOLLOW_TARGET = "track_target"
 """Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
+_WORDLESS = (ACOUSTIC_CARRIER, CAMERA_CARRIER)
 _STAYS_UP = (RobotMode.IDLE, RobotMode.HOLDING)
 _PREPARES = (RobotMode.SURFACED, RobotMode.TURNING, RobotMode.HOLDING)
 _FOLLOWING = (RobotMode.TRACKING, RobotMode.SEARCHING)
@@ -201,8 +206,8 @@ class RobotStatus:
 
     @property
     def _reports(self) -> list[LinkReport]:
-        """Reports of the links that carry words; an acoustic modem measures ranges alone."""
-        return [link for link in self.links.values() if link.carrier != ACOUSTIC_CARRIER]
+        """Reports of the links that carry words; modem and cameras only measure where it is."""
+        return [link for link in self.links.values() if link.carrier not in _WORDLESS]
 
     @property
     def link_state(self) -> LinkState:
@@ -351,7 +356,7 @@ class RobotStatus:
 
 def is_radio_carrier(carrier: str) -> bool:
     """Tell whether a carrier is a radio, on which station and robot speak back and forth."""
-    return carrier not in SATELLITE_CARRIERS and carrier != ACOUSTIC_CARRIER
+    return carrier not in SATELLITE_CARRIERS and carrier not in _WORDLESS
 
 
 def best_link(links: Iterable[LinkReport]) -> LinkReport | None:

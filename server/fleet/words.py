@@ -15,6 +15,7 @@ _CARRIERS = {
     "directip": "Iridium DirectIP",
     "cloudloop": "Cloudloop",
     "micromodem": "Acoustic modem",
+    "cameras": "Cameras",
 }
 _BY_SATELLITE = ("rockblock", "directip", "cloudloop")
 _SLOW_M_S = 0.003

@@ -14,7 +14,13 @@ from robot_link.clock import SystemClock, monotonic_s
 from robot_link.mavlink.codec import STATION_SYSTEM
 from robot_link.mavlink.flight_mode import autopilot_title
 from robot_link.messages import LinkState, RobotId
-from robot_link.station.gateway.address import is_acoustic, is_satellite, satellite_address
+from robot_link.station.gateway.address import (
+    camera_tags,
+    is_acoustic,
+    is_cameras,
+    is_satellite,
+    satellite_address,
+)
 from robot_link.transport.datagram import PortChanged
 from robot_link.transport.doctor import Doctor, Hearing
 from server.base.secret import (
@@ -74,6 +80,12 @@ async def examine_link(
     Raises:
         ValueError: If the link names none.
     """
+    if is_cameras(uri):
+        shown = (
+            f"The station will show the cameras as never having seen tags of {camera_tags(uri)}."
+        )
+        say("This link opens nothing: what each camera sees is said under Settings, Cameras.")
+        return Examination(LinkState.NEVER_HEARD, is_well=True, shown=shown)
     if is_satellite(uri) or is_acoustic(uri):
         is_well = await examine_other(uri, settings, listen_s, say)
         kind = "acoustic modem" if is_acoustic(uri) else "gateway"

@@ -5,10 +5,13 @@ import pytest
 from robot_link.station.gateway.address import (
     AcousticAddress,
     acoustic_address,
+    camera_tags,
     check_link,
     cloudloop_thing,
     is_acoustic,
+    is_cameras,
     is_satellite,
+    own_end,
     satellite_address,
 )
 
@@ -32,6 +35,15 @@ def test_an_acoustic_modem_is_a_serial_line_or_a_tcp_port():
     )
 
 
+def test_cameras_see_a_robot_by_the_tags_that_a_link_names():
+    uri = "cameras:///?tags=mini-1"
+    assert camera_tags(uri) == "mini-1"
+    assert is_cameras(uri)
+    assert not is_satellite(uri)
+    assert own_end(uri) == "The set of tags mini-1"
+    check_link(uri)
+
+
 @pytest.mark.parametrize(
     "uri",
     [
@@ -51,6 +63,11 @@ def test_an_acoustic_modem_is_a_serial_line_or_a_tcp_port():
         "micromodem://127.0.0.1?us=1&peer=2",
         "micromodem://127.0.0.1:x?us=1&peer=2",
         "rockblock://[::1",
+        "cameras:///",
+        "cameras:///?tags=",
+        "cameras://tank-1?tags=mini-1",
+        "cameras:///tank?tags=mini-1",
+        "cameras:///?tags=mini-1&fps=5",
         "carrier-pigeon://loft",
         "",
     ],

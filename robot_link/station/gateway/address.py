@@ -1,4 +1,4 @@
-"""The URIs of links that are no radio: satellite modems, and the acoustic modem.
+"""The URIs of links that are no radio: satellite modems, the acoustic modem, and cameras.
 
 A satellite modem is reached by its IMEI through the gateway that knows it::
 
@@ -7,6 +7,10 @@ A satellite modem is reached by its IMEI through the gateway that knows it::
     cloudloop://<thing>?imei=300234010753370
     micromodem:///dev/ttyUSB1?us=1&peer=2&baud=19200
     micromodem://127.0.0.1:5005?us=1&peer=2
+
+Cameras over the water see a robot by its tags, which are registered under a name::
+
+    cameras:///?tags=mini-1
 """
 
 from dataclasses import dataclass
@@ -18,6 +22,7 @@ from robot_link.transport.opening import open_transport
 
 SATELLITE_CARRIERS: Final = ("rockblock", "directip", "cloudloop")
 ACOUSTIC_CARRIER: Final = "micromodem"
+CAMERA_CARRIER: Final = "cameras"
 _NODE_MAX: Final = 15
 """Micro-Modem addresses are 0..15."""
 
@@ -45,6 +50,31 @@ def is_satellite(uri: str) -> bool:
 def is_acoustic(uri: str) -> bool:
     """Tell whether a link is an acoustic modem; the URI need not be valid."""
     return uri.partition("://")[0] == ACOUSTIC_CARRIER
+
+
+def is_cameras(uri: str) -> bool:
+    """Tell whether a link is that by which cameras see a robot; the URI need not be valid."""
+    return uri.partition(":")[0] == CAMERA_CARRIER
+
+
+def camera_tags(uri: str) -> str:
+    """Return under which name the tags are registered by which cameras know a robot.
+
+    Raises:
+        ValueError: If it is no such link; the message says what is wrong.
+    """
+    parts = urlsplit(uri)
+    if parts.scheme != CAMERA_CARRIER:
+        raise ValueError(f"{uri}: {parts.scheme!r} are no cameras")
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    tags = options.pop("tags", "")
+    if not tags:
+        raise ValueError(f"{uri}: a link by cameras says whose tags, such as ?tags=mini-1")
+    if parts.netloc or parts.path.strip("/") or parts.fragment:
+        raise ValueError(f"{uri}: a link by cameras names none; it is cameras:///?tags={tags}")
+    if options:
+        raise ValueError(f"{uri}: unknown option {', '.join(options)}")
+    return tags
 
 
 def satellite_address(uri: str) -> tuple[str, str]:
@@ -120,6 +150,8 @@ def own_end(uri: str) -> str | None:
         if is_acoustic(uri):
             line, _, _ = uri.partition("?")
             return f"Acoustic address {acoustic_address(uri).peer} at {line}"
+        if is_cameras(uri):
+            return f"The set of tags {camera_tags(uri)}"
     except ValueError:
         return None
     _, is_addressed, radio = uri.partition("#")
@@ -136,6 +168,8 @@ def check_link(uri: str) -> None:
         satellite_address(uri)
     elif is_acoustic(uri):
         acoustic_address(uri)
+    elif is_cameras(uri):
+        camera_tags(uri)
     else:
         open_transport(uri)
 

@@ -32,6 +32,7 @@ function link(carrier: string, kind: RobotLink['kind'], more: Partial<RobotLink>
 
 const RADIO = link('xbee', 'radio', { heard_at: '2026-11-21T04:00:00Z' });
 const SPACE = link('rockblock', 'satellite', { heard_at: '2026-11-21T04:30:00.5Z' });
+const SIGHT = link('cameras', 'camera', { heard_at: '2026-11-21T04:59:30Z' });
 const SOUND = link('micromodem', 'acoustic', { heard_at: '2026-11-21T04:59:00Z' });
 
 describe('the links of a robot', () => {
@@ -42,7 +43,7 @@ describe('the links of a robot', () => {
 
   test('tell by which of them it was heard last', () => {
     expect(lastHeard([RADIO, SPACE, SOUND])?.carrier).toBe('rockblock');
-    expect(lastHeard([link('xbee', 'radio'), SOUND])).toBeNull();
+    expect(lastHeard([link('xbee', 'radio'), SOUND, SIGHT])).toBeNull();
   });
 
   test('by satellite call now and then, and are never live', () => {

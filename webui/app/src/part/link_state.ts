@@ -6,6 +6,7 @@ export const LINK_ICONS: Record<LinkKind, IconName> = {
   radio: 'radio',
   satellite: 'satellite',
   acoustic: 'acoustic',
+  camera: 'camera',
 };
 
 /** A state has a shape of its own, so that no colour is needed to tell it. */
@@ -36,10 +37,15 @@ export function signingHelp(link: Pick<RobotLink, 'is_signed'>): string {
     : 'Nothing proves who speaks: whoever has such a radio can pose as the robot or the station.';
 }
 
-/** Link by which a robot was heard last; ranges of an acoustic modem are no word of its own. */
+/** Whether a link carries words; an acoustic modem and cameras only measure where a robot is. */
+export function speaks(link: Pick<RobotLink, 'kind'>): boolean {
+  return link.kind !== 'acoustic' && link.kind !== 'camera';
+}
+
+/** Link by which a robot was heard last; what only measures brings no word of its own. */
 export function lastHeard(links: readonly RobotLink[]): RobotLink | null {
   return links
-    .filter(({ heard_at, kind }) => heard_at !== null && kind !== 'acoustic')
+    .filter((link) => link.heard_at !== null && speaks(link))
     .reduce<RobotLink | null>(
       (last, link) =>
         last === null || Date.parse(link.heard_at ?? '') > Date.parse(last.heard_at ?? '')
@@ -70,8 +76,11 @@ export function unplugText(
   if (link.kind === 'acoustic') {
     return `No range to ${robot} is measured until it is plugged in again. Orders and plans do not need it.`;
   }
+  if (link.kind === 'camera') {
+    return `Cameras neither look for ${robot} nor tell it where it is until they are plugged in again. Orders and plans do not need them.`;
+  }
   const others = links.filter(
-    (other) => other.uri !== link.uri && other.kind !== 'acoustic' && other.is_plugged,
+    (other) => other.uri !== link.uri && speaks(other) && other.is_plugged,
   );
   const rest =
     others.length > 0
@@ -87,6 +96,7 @@ export function unplugText(
 const CARRIED: Record<string, string> = {
   telemetry: 'telemetry',
   plan: 'plans',
+  position: 'positions',
   command: 'orders',
   surface: 'orders to surface',
   parameters: 'parameters',

@@ -87,6 +87,7 @@ const CARRIERS: Record<string, string> = {
   udp: 'UDP',
   tcp: 'TCP',
   micromodem: 'acoustic modem',
+  cameras: 'cameras',
   acoustic: 'acoustic',
   simulator: 'simulator',
 };

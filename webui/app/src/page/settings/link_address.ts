@@ -71,6 +71,14 @@ export const LINK_WAYS: readonly LinkWay[] = [
     uri: (place) => `directip://${place}`,
   },
   {
+    key: 'cameras',
+    title: 'Cameras over the water',
+    place: 'Name of the robot whose tags it carries',
+    example: 'mini-1',
+    hasBaud: false,
+    uri: (place) => `cameras:///?tags=${encodeURIComponent(place)}`,
+  },
+  {
     key: 'other',
     title: 'Another, by its URI',
     place: 'URI',
