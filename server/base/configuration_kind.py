@@ -68,6 +68,9 @@ class ConfigurationKind:
     reach: Reach = AT_STATION
     simulation_preset: Configuration | None = None
     """Of a controller: its gains for exact states, which a what-if may begin with."""
+    is_of_data: bool = False
+    """It says how what was measured is judged and told, and moves no robot: nobody needs to be in
+    charge of one to change it."""
 
 
 def _by_vehicle(
@@ -82,9 +85,17 @@ def _by_vehicle(
     )
 
 
-def _same_for_all(key: str, title: str, default: Configuration) -> ConfigurationKind:
+def _same_for_all(
+    key: str, title: str, default: Configuration, *, is_of_data: bool = False
+) -> ConfigurationKind:
     return ConfigurationKind(
-        key, title, type(default), default, lambda _robot, _vehicle: default, AT_ONCE
+        key,
+        title,
+        type(default),
+        default,
+        lambda _robot, _vehicle: default,
+        AT_ONCE,
+        is_of_data=is_of_data,
     )
 
 
@@ -171,8 +182,8 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("automation", "Automatic sends", AutomationConfig()),
             _same_for_all("checklist", "Checklists", ChecklistConfig()),
-            _same_for_all("delivery", "Metadata of files", DeliveryMetadata()),
-            _same_for_all("quality", "Quality control", GRACE_QARTOD),
+            _same_for_all("delivery", "Metadata of files", DeliveryMetadata(), is_of_data=True),
+            _same_for_all("quality", "Quality control", GRACE_QARTOD, is_of_data=True),
             _same_for_all("lease", "Pilot in charge", LeaseConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),

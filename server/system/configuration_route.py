@@ -10,7 +10,7 @@ from db.fault import UnknownIdError
 from db.query.fleet.robots import list_robots
 from db.query.station.configurations import configuration_history, get_configuration
 from db.record import same
-from server.access.dependency import PilotInCharge, Viewer
+from server.access.dependency import InChargeOf, Pilot, Viewer
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import KINDS, find_kind, fits
 from server.base.dependency import FoundationDep, StoreDep
@@ -135,7 +135,8 @@ async def get_history(
 
 @router.patch("/{kind}")
 async def patch_config(
-    caller: PilotInCharge,
+    caller: Pilot,
+    in_charge: InChargeOf,
     kind: str,
     patch: SettingsPatch,
     foundation: FoundationDep,
@@ -146,7 +147,10 @@ async def patch_config(
     """Change some fields and save the whole as a new version; null returns one to its preset.
 
     In a map, such as rules by channel, null removes (RFC 7396): an entry, or what an entry says.
+    Whoever changes what robots do must be in charge of them; not so for what is said of data.
     """
+    if not find_kind(kind).is_of_data:
+        await in_charge([] if robot is None else [robot])
     changed = await foundation.configurations.patch(
         kind, robot, patch.root, by=caller.name, if_match=if_match
     )

@@ -21,15 +21,15 @@ SENDS = {
     ("PUT", "/api/robots/{robot}/waypoints"),
     ("PUT", "/api/robots/{robot}/parameters/{name}"),
     ("POST", "/api/robots/{robot}/trim/accept"),
-    ("PATCH", "/api/config/{kind}"),
 }
 """Plans, settings and orders: who is in charge alone."""
 SENDS_BY_ITS_BODY = {
+    ("PATCH", "/api/config/{kind}"),
     ("POST", "/api/robots/{robot}/commands"),
     ("POST", "/api/robots/{robot}/missions"),
     ("POST", "/api/surveys"),
 }
-"""Those that ask for it unless their body says that nothing is sent, or that it surfaces."""
+"""Those that ask for it unless what is said moves no robot, or only surfaces it."""
 DRAFTS = {
     ("POST", "/api/alarm-rules"),
     ("POST", "/api/alarm-rules/try"),
@@ -63,13 +63,6 @@ DRAFTS = {
     ("POST", "/api/deployments/{deployment}/review"),
     ("POST", "/api/deployments/{deployment}/split"),
     ("POST", "/api/deployments/{deployment}/void"),
-    ("POST", "/api/deployments/{deployment}/review"),
-    ("POST", "/api/deployments/{deployment}/deliver"),
-    ("POST", "/api/deployments/{deployment}/reopen"),
-    ("POST", "/api/deployments/{deployment}/quality"),
-    ("POST", "/api/deployments/{deployment}/flags"),
-    ("POST", "/api/deployments/{deployment}/files"),
-    ("DELETE", "/api/deployments/{deployment}/flags/{flag}"),
     ("POST", "/api/design-templates"),
     ("DELETE", "/api/design-templates/{template}"),
     ("PATCH", "/api/designs/{design}"),

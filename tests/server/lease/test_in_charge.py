@@ -42,6 +42,20 @@ async def test_another_pilot_may_draft_but_not_send(person):
     assert (await order(ben, GRACE)).status_code == 202, "another robot is another lease"
 
 
+@pytest.mark.parametrize(
+    ("kind", "patch"),
+    [("delivery", {"project": "Lake survey"}), ("quality", {"depth": {"margin_m": 3.0}})],
+)
+async def test_what_is_said_of_data_needs_nobody_in_charge(person, kind, patch):
+    ann, ben = await person("ann"), await person("ben")
+    changed = await ann.patch(f"/api/config/{kind}", params={"robot": MINI}, json=patch)
+    assert changed.status_code == 200, changed.text
+    assert not (await lease_of(ann))["holder"]
+    await order(ann)
+    other = await ben.patch(f"/api/config/{kind}", params={"robot": MINI}, json=patch)
+    assert other.status_code == 200, other.text
+
+
 async def test_anybody_surfaces_a_robot_at_once_whoever_is_in_charge(person, script):
     ann, ben = await person("ann"), await person("ben")
     planner = await script("planner")
