@@ -9,6 +9,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine
 
 from db import (
+    camera_tables,
     checklist_tables,
     current_tables,
     decision_tables,
@@ -53,6 +54,7 @@ _TABLE_MODULES = (
     notice_tables,
     log_book_tables,
     decision_tables,
+    camera_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

@@ -2,7 +2,8 @@
 
 Measurements are in ``sample_tables``, waters in ``water_tables``, vehicles and studies in
 ``study_tables``, maps in ``map_tables``, people in ``person_tables``, what crosses satellite
-gateways in ``link_tables``, what robots say of targets in ``target_tables``.
+gateways in ``link_tables``, what robots say of targets in ``target_tables``, cameras and what they
+found in ``camera_tables``.
 
 Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
@@ -58,6 +59,8 @@ class Base(DeclarativeBase):
         datetime: Utc,
         Document: JSON,
         list[str]: JSON,
+        list[int]: JSON,
+        list[float]: JSON,
         bytes: LargeBinary,
     }
 

@@ -1,0 +1,1 @@
+"""Cameras, the tags that they look for, their calibrations, and where they found robots."""
