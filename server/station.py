@@ -13,6 +13,7 @@ from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.base_map import install as base_map
 from server.battery import install as battery
+from server.camera import install as camera
 from server.checklist import install as checklist
 from server.command import install as command
 from server.current import install as current
@@ -53,6 +54,7 @@ CAPABILITIES = (
     base_map,
     vehicle,
     water,
+    camera,
     fleet,
     deployment,
     link,
@@ -115,7 +117,7 @@ class Station:
         make_gateways: GatewayFactory = Gateways,
     ) -> None:
         self._lifetime = foundation.lifetime
-        for first in (system, demo, base_map, vehicle, water, fleet, deployment):
+        for first in (system, demo, base_map, vehicle, water, camera, fleet, deployment):
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)

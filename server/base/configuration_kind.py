@@ -24,6 +24,7 @@ from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig, fitting
 from db.query.fleet.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.automation_config import AutomationConfig
+from robot_link.camera.config import CameraConfig
 from robot_link.checklist_config import ChecklistConfig
 from robot_link.delivery_config import DeliveryMetadata
 from robot_link.lease_config import LeaseConfig
@@ -185,6 +186,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _same_for_all("delivery", "Metadata of files", DeliveryMetadata(), is_of_data=True),
             _same_for_all("quality", "Quality control", GRACE_QARTOD, is_of_data=True),
             _same_for_all("lease", "Pilot in charge", LeaseConfig()),
+            _same_for_all("camera", "Cameras", CameraConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )

@@ -88,6 +88,19 @@ class GatewayAccount(BaseModel):
         return self
 
 
+class CameraAccount(BaseModel):
+    """What a camera in the network asks for before it shows pictures."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", use_attribute_docstrings=True, hide_input_in_errors=True
+    )
+
+    user: str = Field(max_length=200)
+    """Name of the account."""
+    password: str = Field(max_length=500, repr=False)
+    """Password of the account."""
+
+
 class SecretStore:
     """The secret folder of one station; several processes of its user may share it."""
 
@@ -215,6 +228,29 @@ class SecretStore:
         else:
             _write(file, text)
 
+    def camera_account(self, camera: str) -> CameraAccount | None:
+        """Return the account with a camera; None where it has none.
+
+        Raises:
+            SecretUnreadableError: If its file does not hold one.
+        """
+        file = self._file("camera", camera)
+        text = _read(file)
+        try:
+            return None if text is None else CameraAccount.model_validate_json(text)
+        except ValidationError:
+            raise SecretUnreadableError(
+                f"{_named(file)} holds no account; enter it again."
+            ) from None
+
+    def set_camera_account(self, camera: str, account: CameraAccount | None) -> None:
+        """Keep the account with a camera, or forget it."""
+        file = self._file("camera", camera)
+        if account is None:
+            file.unlink(missing_ok=True)
+        else:
+            _write(file, account.model_dump_json(indent=2))
+
     def notice_key(self) -> bytes:
         """Return the key that signs the links of notices, made at first need.
 
@@ -234,7 +270,7 @@ class SecretStore:
 
     def _file(self, kind: str, name: str) -> Path:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is not the name of a robot, gateway or contact")
+            raise ValueError(f"{name!r} is not the name of a robot, gateway, contact or camera")
         return self._folder / f"{kind}-{name}"
 
 

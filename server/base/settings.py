@@ -22,6 +22,8 @@ class Settings(BaseSettings):
 
     data_dir: Path = Field(default_factory=lambda: Path(platformdirs.user_data_dir("grace")))
     """Folder of the database, the log files and the demo's clock."""
+    camera_dir: Path | None = None
+    """Folder below which cameras of kind ``folder:`` and ``video:`` find their pictures."""
     database_url: str | None = None
     """SQLAlchemy URL of the database; by default a SQLite file in the data folder."""
     host: str = "127.0.0.1"

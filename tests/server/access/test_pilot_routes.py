@@ -34,6 +34,8 @@ DRAFTS = {
     ("POST", "/api/alarm-rules"),
     ("POST", "/api/alarm-rules/try"),
     ("DELETE", "/api/alarm-rules/{rule}"),
+    ("POST", "/api/cameras/{camera}/calibrations/{calibration}/use"),
+    ("PUT", "/api/tags"),
     ("PATCH", "/api/alarm-rules/{rule}"),
     ("DELETE", "/api/alarm-rules/{rule}/out-of-service"),
     ("POST", "/api/alarm-rules/{rule}/out-of-service"),

@@ -1,0 +1,1 @@
+"""Cameras over the tank: their records, tags and calibrations, and the processes that look."""

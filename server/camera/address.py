@@ -1,0 +1,30 @@
+"""What a camera's URI must be before its process is given it, in words that repeat no secret."""
+
+from urllib.parse import urlsplit
+
+from robot_link.camera.uri import camera_uri
+
+
+def checked_uri(uri: str) -> str:
+    """Return the URI of a camera.
+
+    Raises:
+        ValueError: If it is none; what is said does not repeat it, for it may hold a password.
+    """
+    try:
+        _ = urlsplit(uri).port
+    except ValueError:
+        raise ValueError("this is no address") from None
+    try:
+        camera_uri(uri)
+    except ValueError as error:
+        words = str(error)
+        told = words.removeprefix(f"{uri}: ") if words.startswith(f"{uri}: ") else "is no camera"
+        raise ValueError(told) from None
+    return uri
+
+
+def host_of(uri: str) -> tuple[str, str]:
+    """Return scheme and host with port: an account is for these alone."""
+    parts = urlsplit(uri)
+    return parts.scheme, parts.netloc

@@ -1,0 +1,160 @@
+"""What REST tells of a camera, put together from all that is known of it."""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.vision.camera import CAMERA_ERRORS, Rig
+from autonomy.vision.lens import Lens
+from db.identity import public_id
+from db.query.camera.calibrations import CalibrationRecord
+from db.query.camera.cameras import CameraRecord
+from db.record import same
+from server.camera.document import lens_of
+from server.camera.rig import CameraRig
+from server.camera.status import CameraStatus
+from server.camera.view import (
+    CalibrationView,
+    CameraPlaceView,
+    CameraView,
+    LensView,
+    Place,
+    SetUpStep,
+)
+
+CALIBRATION = "calibration"
+"""Kind of a calibration's public id."""
+
+
+def camera_view(
+    record: CameraRecord,
+    status: CameraStatus,
+    lens: CalibrationRecord | None,
+    rig: CameraRig,
+    *,
+    has_account: bool,
+) -> CameraView:
+    """Return one camera as REST shows it."""
+    report, sighting, stand = status.report, status.sighting, status.stand
+    ids = [] if sighting is None else sorted(tag.id for tag in sighting.tags)
+    place = _place(rig, record.id)
+    step, missing = _step(record, rig, is_placed=place is not None)
+    refused = dict(status.refused)
+    for reason, count in ({} if report is None else report.refused).items():
+        refused[reason] = refused.get(reason, 0) + count
+    return same(
+        CameraView,
+        record,
+        has_account=has_account,
+        step=step,
+        missing=missing,
+        state=status.state,
+        words=status.words,
+        size=status.size,
+        frames_per_s=0.0 if report is None else report.frames_per_s,
+        pictures=0 if report is None else report.pictures,
+        dropped=0 if report is None else report.dropped,
+        refused=refused,
+        restarts=status.restarts,
+        seen_at=status.seen_at,
+        tags=ids,
+        strangers=[one for one in ids if rig.registry.is_stranger(one)],
+        blur_px=status.blur_px,
+        advice=status.advice,
+        stand="unknown" if stand is None else stand.stand,
+        shift_px=0.0 if stand is None else stand.shift_px,
+        moved="" if stand is None else stand.sentence,
+        is_used=rig.rig is not None and rig.rig.number(record.id) is not None,
+        lens=None if lens is None else _lens_view(lens),
+        place=place,
+    )
+
+
+def calibration_view(
+    record: CalibrationRecord, *, is_used: bool, is_usable: bool
+) -> CalibrationView:
+    """Return a calibration as a history shows it."""
+    return CalibrationView(
+        public_id(CALIBRATION, record.key),
+        record.kind,
+        record.at,
+        record.by,
+        _summary(record),
+        is_used=is_used,
+        is_usable=is_usable,
+    )
+
+
+def _summary(record: CalibrationRecord) -> str:
+    if record.kind == "lens":
+        share = 100.0 * record.result["focal_std_share"]
+        return (
+            f"focal length to {share:.2f} %, corners within {record.result['rms_px']:.2f} px, "
+            f"of {len(record.result['views'])} pictures"
+        )
+    names = [camera["id"] for camera in record.result["cameras"]]
+    worst = max(_worst_std_m(record.covariance, CAMERA_ERRORS * i, 3) for i in range(len(names)))
+    return f"{', '.join(names)} within {1e3 * worst:.0f} mm, rms {record.result['rms']:.1f}"
+
+
+def _step(record: CameraRecord, rig: CameraRig, *, is_placed: bool) -> tuple[SetUpStep, str]:
+    if record.lens_key is None:
+        return "lens", "Show it the board, then calibrate its lens."
+    if not rig.registry.layout.tags:
+        return "tags", "Tell where the fixed tags of the tank are."
+    if not is_placed:
+        return "pose", "Adjust the cameras: it is not placed yet."
+    return "done", ""
+
+
+def _lens_view(record: CalibrationRecord) -> LensView:
+    lens = lens_of(record.result["lens"])
+    return LensView(
+        public_id(CALIBRATION, record.key),
+        lens.kind,
+        (lens.width_px, lens.height_px),
+        lens.focal_px,
+        lens.principal_px,
+        list(lens.distortion),
+        record.result["rms_px"],
+        record.result["focal_std_share"],
+        record.at,
+    )
+
+
+def _place(rig: CameraRig, name: str) -> CameraPlaceView | None:
+    whole: Rig | None = None if rig.calibrated is None else rig.calibrated.rig
+    number = None if whole is None else whole.number(name)
+    if whole is None or number is None:
+        return None
+    camera = whole.cameras[number]
+    rays = camera.lens.rays(_corners(camera.lens)) @ camera.pose.rotation.T
+    first = CAMERA_ERRORS * number
+    covariance = whole.root @ whole.root.T
+    return CameraPlaceView(
+        _triple(camera.pose.position_m),
+        (
+            _triple(camera.pose.rotation[0]),
+            _triple(camera.pose.rotation[1]),
+            _triple(camera.pose.rotation[2]),
+        ),
+        [_triple(ray) for ray in rays if np.isfinite(ray).all()],
+        _worst_std_m(covariance, first, 3),
+        math.degrees(_worst_std_m(covariance, first + 3, 3)),
+    )
+
+
+def _worst_std_m(covariance: FloatArray, first: int, count: int) -> float:
+    part = np.diag(covariance)[first : first + count]
+    return math.sqrt(max(float(part.max()), 0.0))
+
+
+def _corners(lens: Lens) -> FloatArray:
+    right, bottom = lens.width_px - 1.0, lens.height_px - 1.0
+    return np.array([[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]])
+
+
+def _triple(values: FloatArray) -> Place:
+    x, y, z = values.tolist()
+    return x, y, z
