@@ -41,6 +41,7 @@ AREAS = {
     "planner": "benchmarks.planning.planner",
     "design_check": "benchmarks.planning.design_check",
     "tags": "benchmarks.field.tags",
+    "camera_detection": "benchmarks.vision.detection",
     "camera_fix": "benchmarks.vision.fix",
     "water": "benchmarks.planning.water",
     "base_map": "benchmarks.station.base_map",
