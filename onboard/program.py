@@ -20,9 +20,11 @@ from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import CurrentBelief, Estimate, Navigator
+from onboard.flight.outside_fix import OutsideFixes
 from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
+from robot_link.camera.received_fix import ReceivedFix
 from robot_link.channel_table import ChannelTable, TableRow
 from robot_link.drive import CENTRE, DriveReport, Stick
 from robot_link.messages import (
@@ -148,6 +150,8 @@ class OnboardProgram:
         """What its depth sensor reads at the surface."""
         self._readings = self.depth_zero.corrected(hardware.read())
         self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S, current)
+        self.fixes = OutsideFixes(site, estimator.surface_depth_m)
+        """What somebody outside tells of its place."""
         pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
             Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot),
@@ -274,6 +278,14 @@ class OnboardProgram:
             is_silent=driven is not None and driven.is_silent,
             is_kept_off=driven is not None and driven.is_kept_off,
         )
+
+    def hear_fix(self, fix: ReceivedFix) -> None:
+        """Take where somebody outside saw the robot, or refuse it and count that."""
+        self.fixes.hear(fix, self.now, self._readings.depth_m)
+
+    def refuse_fix(self, reason: str) -> None:
+        """Count a fix that is none, or is not for this robot."""
+        self.fixes.refuse(reason)
 
     def hear_range(self, range_m: float | None, age_s: float) -> None:
         """Take a slant range of the target from outside, or None for a ping without an answer.

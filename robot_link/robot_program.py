@@ -3,6 +3,7 @@
 from enum import StrEnum
 from typing import Protocol
 
+from robot_link.camera.received_fix import ReceivedFix
 from robot_link.drive import DriveReport, Stick
 from robot_link.messages import CommandKind
 from robot_link.mission import Mission
@@ -58,6 +59,14 @@ class RobotProgram(Protocol):
 
     def steer(self, stick: Stick) -> None:
         """Take where the pilot's stick is; nothing where nobody drives."""
+        ...
+
+    def hear_fix(self, fix: ReceivedFix) -> None:
+        """Take where somebody outside saw the robot, or refuse it and count that."""
+        ...
+
+    def refuse_fix(self, reason: str) -> None:
+        """Count a fix that is none, or is not for this robot; ``reason`` is a sentence."""
         ...
 
     def drive_report(self, sequence: int) -> DriveReport:

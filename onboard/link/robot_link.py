@@ -32,6 +32,7 @@ from robot_link.mavlink.command import (
     result_of,
 )
 from robot_link.mavlink.drive import DRIVE_FRAME_BYTES
+from robot_link.mavlink.fix import FixMessage, received_fix
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
@@ -72,6 +73,8 @@ _STREAM_SHARE = 0.5
 
 _log = logging.getLogger(__name__)
 _Command = grace.MAVLink_command_long_message
+_CameraFix = grace.MAVLink_grace_fix_message
+_MotionCapture = grace.MAVLink_vision_position_estimate_message
 
 
 class RobotLink:
@@ -119,6 +122,7 @@ class RobotLink:
         self._system = system
         self._transport = transport
         self._clock = clock
+        self._program = program
         self._timing = timing or LinkTiming()
         self._patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
         self._signing = signing
@@ -363,6 +367,8 @@ class RobotLink:
                 return
             elif getattr(message, "target_system", _ANYONE) in (_ANYONE, self._system):
                 self._obey(message, received.address)
+            elif isinstance(message, _CameraFix):
+                self._program.refuse_fix(f"the fix is for system {message.target_system}")
 
     def _is_welcome(self, message: WireMessage, address: Address) -> bool:
         """Tell whether a message is to be believed: signed where it must be, of a known master."""
@@ -413,6 +419,12 @@ class RobotLink:
                 self._samples.stored(LogId(message.log), sequences)
             case grace.MAVLink_heartbeat_message() if is_station:
                 return
+            case _CameraFix() if is_station:
+                self._take_fix(message)
+            case _MotionCapture() if is_station or not self._operators.refusal(
+                SystemId(message.get_srcSystem())
+            ):
+                self._take_fix(message)
             case grace.MAVLink_manual_control_message():
                 try:
                     self._drive.hear(message, driver_of(message, address))
@@ -420,6 +432,14 @@ class RobotLink:
                     self.frames_bad += 1
             case _:
                 self._services.hear(message, address)
+
+    def _take_fix(self, message: FixMessage) -> None:
+        try:
+            fix = received_fix(message)
+        except ValueError as error:
+            self._program.refuse_fix(str(error))
+        else:
+            self._program.hear_fix(fix)
 
     def _take_command(self, message: _Command, address: Address, now_s: float) -> None:
         try:

@@ -6,6 +6,7 @@ from datetime import datetime
 from functools import partial
 from typing import Any
 
+from robot_link.camera.fix import CameraFix
 from robot_link.clock import Clock
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
@@ -31,6 +32,7 @@ from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
 from robot_link.station.command_lane import Command, CommandLane
 from robot_link.station.drive_client import DriveClient
+from robot_link.station.fix_sender import FixPace, OnSent
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.path import RadioPath, RobotEndpoint
 from robot_link.station.peer import Peer
@@ -134,6 +136,7 @@ class StationLink:
         self._samples = SampleGate()
         self._samples_owed = asyncio.Event()
         self._roster = Roster()
+        self._fix_pace = FixPace()
         self._watch = LinkWatch(self._roster, on_event)
         self._reception = Reception(
             self._roster,
@@ -196,10 +199,11 @@ class StationLink:
             robot, endpoint, self._transports, codec, self._clock, self._on_event, self._timing
         )
         if endpoint.standard is None:
-            return Member(endpoint, peer, CommandLane(peer, self._on_event), codec, signing)
+            lane = CommandLane(peer, self._on_event)
+            return Member(endpoint, peer, lane, codec, signing, self._fix_pace)
         vehicle = StandardVehicle(robot, endpoint.origin_deg, self._clock.speed)
         lane = StandardCommandLane(peer, self._on_event, vehicle, endpoint.standard)
-        return Member(endpoint, peer, lane, codec, signing, vehicle)
+        return Member(endpoint, peer, lane, codec, signing, self._fix_pace, vehicle)
 
     def _serve(self, uri: str, transport: DatagramTransport) -> None:
         codecs = partial(self._codecs_on, transport)
@@ -401,6 +405,25 @@ class StationLink:
         services = self._roster[robot].services
         services.check_live()
         return services.drive
+
+    def send_fix(self, fix: CameraFix, on_sent: OnSent) -> str:
+        """Tell one of our robots where cameras saw it: newest only, by radio, never resent.
+
+        Args:
+            fix: Where its robot was.
+            on_sent: Called with the station's time if and when the radio took it; never, where a
+                newer fix came before its turn.
+
+        Returns:
+            Why it will not be sent, a sentence; empty where it waits for its turn.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        member = self._roster[fix.robot]
+        if member.vehicle is not None:
+            return f"{fix.robot} is a vehicle of another maker"
+        return member.services.fixes.send(fix, on_sent)
 
     def give_control(self, robot: RobotId, system: SystemId, *, allows_takeover: bool) -> None:
         """Tell one of our robots which ground station is to be in control of it.

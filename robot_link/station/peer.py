@@ -147,18 +147,24 @@ class Peer:
                 return fate is Fate.DELIVERED
         return False
 
-    async def say_once(self, message: WireMessage, on_packed: Callable[[bytes], None]) -> None:
+    async def say_once(
+        self,
+        message: WireMessage,
+        on_packed: Callable[[bytes], None],
+        on_taken: Callable[[], None] = lambda: None,
+    ) -> None:
         """Send what counts at this moment alone: by the best link, once; nobody repeats it.
 
         Args:
             message: What to say.
             on_packed: Called with the frame before it goes to the radio.
+            on_taken: Called when the radio has taken it.
         """
         path = self.best_path()
         frame = self._codec.pack(message)
         on_packed(frame)
         address = BROADCAST if path.address is None else path.address
-        taken = partial(self._taken, path, frame, lambda: None)
+        taken = partial(self._taken, path, frame, on_taken)
         await deliver(path.transport, address, frame, on_taken=taken)
 
     def _rank(self, path: PeerPath) -> int:

@@ -17,6 +17,7 @@ from robot_link.station.drive_client import DriveClient
 from robot_link.station.error import NoAnswerError, OutOfContactError
 from robot_link.station.exchange import Patience
 from robot_link.station.file_client import FileClient
+from robot_link.station.fix_sender import FixPace, FixSender
 from robot_link.station.metadata_client import MetadataClient
 from robot_link.station.mission_client import MissionClient
 from robot_link.station.parameter_client import ParameterClient
@@ -73,7 +74,7 @@ _HEARERS: Final[Mapping[int, tuple[str, ...]]] = MappingProxyType(
 class RobotServices:
     """Parameters, files, missions, commands and clock of one robot; on one event loop."""
 
-    def __init__(self, peer: Peer, *, is_standard: bool) -> None:
+    def __init__(self, peer: Peer, pace: FixPace, *, is_standard: bool) -> None:
         patience = Patience(answer_s=peer.timing.answer_s)
         self._peer = peer
         self._telemetry_s = -math.inf
@@ -89,6 +90,8 @@ class RobotServices:
         self.control = ControlSpeaker(peer)
         """Who is to be in control of it."""
         self.clock = ClockWatch(peer, peer.clock, patience=patience)
+        self.fixes = FixSender(peer, lambda: self.clock.offset, pace)
+        """Where cameras see it."""
         self.metadata = MetadataClient(peer, self.files, patience=patience)
         """What a vehicle says of its own parameters."""
         self.tables = TableWatch(peer, lambda: self.is_live, answer_s=peer.timing.answer_s)
@@ -112,11 +115,12 @@ class RobotServices:
             self._clients[name].hear(message)
 
     async def run(self) -> None:
-        """Compare clocks, ask for missing pages, tell who is in control, until cancelled."""
+        """Compare clocks, ask for missing pages, tell control and fixes, until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._compare_clocks(), name=f"{self._peer.robot} clock")
             group.create_task(self.tables.run(), name=f"{self._peer.robot} channels")
             group.create_task(self.control.run(), name=f"{self._peer.robot} control")
+            group.create_task(self.fixes.run(), name=f"{self._peer.robot} fixes")
 
     async def _compare_clocks(self) -> None:
         """Compare the clocks now and then while the robot is in contact."""

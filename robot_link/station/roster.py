@@ -10,6 +10,7 @@ from robot_link.mavlink.standard_vehicle import StandardVehicle
 from robot_link.messages import RobotId, SystemId
 from robot_link.service.duplicate import TOLD_S, DuplicateWatch
 from robot_link.station.command_lane import CommandLane
+from robot_link.station.fix_sender import FixPace
 from robot_link.station.path import PeerPath, RobotEndpoint
 from robot_link.station.peer import Peer
 from robot_link.station.robot_services import RobotServices
@@ -29,6 +30,7 @@ class Member:
         lane: CommandLane,
         codec: Codec,
         signing: Signing | None,
+        pace: FixPace,
         vehicle: StandardVehicle | None = None,
     ) -> None:
         self.endpoint = endpoint
@@ -39,7 +41,7 @@ class Member:
         self.signing = signing
         self.vehicle = vehicle
         """Puts together what a vehicle of another maker says."""
-        self.services = RobotServices(peer, is_standard=vehicle is not None)
+        self.services = RobotServices(peer, pace, is_standard=vehicle is not None)
         self.upload: Upload | None = None
         """The upload under way."""
 

@@ -3,6 +3,7 @@
 from datetime import datetime
 from typing import Protocol
 
+from robot_link.camera.fix import CameraFix
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -12,6 +13,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.station.drive_client import DriveClient
+from robot_link.station.fix_sender import OnSent
 
 
 class Radio(Protocol):
@@ -36,6 +38,10 @@ class Radio(Protocol):
         plan: PlanHash | None = None,
     ) -> None:
         """Send a command until it is answered or expires."""
+        ...
+
+    def send_fix(self, fix: CameraFix, on_sent: OnSent) -> str:
+        """Tell a robot where cameras saw it; return why it will not be sent, or ""."""
         ...
 
     def drive(self, robot: RobotId) -> DriveClient:

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Protocol
 
 from db.query.fleet.robots import RobotRecord
+from robot_link.camera.fix import CameraFix
 from robot_link.clock import Clock
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import (
@@ -31,6 +32,7 @@ from robot_link.service.standard_item import StandardItem
 from robot_link.standard_config import StandardCommandConfig
 from robot_link.station.drive_client import DriveClient
 from robot_link.station.error import OutOfContactError
+from robot_link.station.fix_sender import OnSent
 from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
@@ -235,6 +237,12 @@ class Radios:
         """Answer another ground station's request; see ``StationLink``."""
         if self._speaks_control(robot):
             self._link.answer_control(robot, system, is_heard=is_heard)
+
+    def send_fix(self, fix: CameraFix, on_sent: OnSent) -> str:
+        """Tell one of our robots where cameras saw it; see ``StationLink``."""
+        if fix.robot not in self._robots:
+            return f"{fix.robot} has no radio; give it one"
+        return self._link.send_fix(fix, on_sent)
 
     def _speaks_control(self, robot: RobotId) -> bool:
         endpoint = self._robots.get(robot)

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import CommandOutcome, RobotLink
+from robot_link.camera.received_fix import ReceivedFix
 from robot_link.clock import Clock, SystemClock
 from robot_link.drive import CENTRE, DriveReport, Stick
 from robot_link.mavlink.signing import Signing
@@ -72,6 +73,8 @@ class Program:
     taken: list[Mission] = field(default_factory=list)
     sticks: list[Stick] = field(default_factory=list)
     is_driven: bool = False
+    fixes: list[ReceivedFix] = field(default_factory=list)
+    refused_fixes: list[str] = field(default_factory=list)
     switched: list[Mission] = field(default_factory=list)
     is_flying: bool = False
 
@@ -101,6 +104,12 @@ class Program:
 
     def steer(self, stick: Stick) -> None:
         self.sticks.append(stick)
+
+    def hear_fix(self, fix: ReceivedFix) -> None:
+        self.fixes.append(fix)
+
+    def refuse_fix(self, reason: str) -> None:
+        self.refused_fixes.append(reason)
 
     def drive_report(self, sequence: int) -> DriveReport:
         acts_on = self.sticks[-1] if self.sticks and self.is_driven else CENTRE

@@ -12,6 +12,7 @@ from autonomy.field.synthetic import measure
 from autonomy.planner.leg.primitive import position_at
 from autonomy.planner.plan import PositionNed
 from autonomy.planner.preset import MINIGLIDER
+from robot_link.camera.fix import CameraFix
 from robot_link.clock import Clock
 from robot_link.drive import DriveReport, Stick
 from robot_link.messages import (
@@ -43,6 +44,7 @@ from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.standard_item import StandardItem
 from robot_link.station.drive_client import DriveAnswer, DriveClient
 from robot_link.station.error import ServiceRefusedError
+from robot_link.station.fix_sender import OnSent
 from robot_link.station.link import RobotEndpoint
 from robot_link.transport.datagram import DatagramTransport
 from server.link.signing import RobotSigning
@@ -381,6 +383,13 @@ class FakeLink:
     def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
         self.world.control_answers.append((robot, system, is_heard))
 
+    def send_fix(self, fix: CameraFix, on_sent: OnSent) -> str:
+        if not self.world.in_reach:
+            return f"{fix.robot} is not in radio contact"
+        self.world.fixes.append(fix)
+        on_sent(_now())
+        return ""
+
     def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         self.world.acknowledged += [(robot, log, number) for number in sequences]
 
@@ -397,6 +406,8 @@ class World:
         self.controls: list[tuple[RobotId, SystemId, bool]] = []
         """Who is to be in control of each robot, and whether another may take it."""
         self.control_answers: list[tuple[RobotId, SystemId, bool]] = []
+        self.fixes: list[CameraFix] = []
+        """Where robots were told that cameras saw them."""
         self.cancelled_uploads: list[tuple[RobotId, str]] = []
         self.commands: list[tuple[RobotId, CommandKind, CommandNumber]] = []
         self.acknowledged: list[tuple[RobotId, LogId, int]] = []
