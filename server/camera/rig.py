@@ -1,32 +1,21 @@
 """Cameras that robots are found by: where they are, what is unsure of that, where to look."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from sqlalchemy.orm import Session
 
-from autonomy.vision.camera import Rig
-from autonomy.vision.tag import Layout, Registry
+from autonomy.vision.tag import Layout, Registry, layout_of
 from db.query.camera import calibrations as query
 from db.query.camera.calibrations import CalibrationRecord
 from robot_link.camera.sighting import Region
 from server.base.foundation import Foundation
 from server.camera.cameras import Cameras
-from server.camera.document import found_layout, rig_of
 from server.camera.event import RigChanged
 from server.camera.tags import Tags
+from server.camera.used_rig import UsedRig
 
 SetRegions = Callable[[str, Sequence[Region]], None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibratedRig:
-    """Cameras as they were calibrated, with the level and the ripples of now."""
-
-    rig: Rig
-    layout: Layout
-    """Tags where the calibration found them."""
-    record: CalibrationRecord
 
 
 class CameraRig:
@@ -40,10 +29,12 @@ class CameraRig:
         self._cameras = cameras
         self._tags = tags
         self._left_out: frozenset[str] = frozenset()
-        self._usable: Rig | None = None
+        self._usable: UsedRig | None = None
         self._regions: dict[str, tuple[Region, ...]] = {}
         self._set_regions: SetRegions | None = None
-        self.calibrated: CalibratedRig | None = None
+        self.record: CalibrationRecord | None = None
+        """The calibration that is in use, whether its cameras are still there or not."""
+        self.calibrated: UsedRig | None = None
         """All cameras that are calibrated, those that are left out too; None where none is."""
 
     async def load(self) -> None:
@@ -52,7 +43,7 @@ class CameraRig:
         self._calibrated_by(record)
 
     @property
-    def rig(self) -> Rig | None:
+    def rig(self) -> UsedRig | None:
         """Cameras to find robots by; None where there is none.
 
         Those that are not calibrated or have moved are not among them.
@@ -62,7 +53,7 @@ class CameraRig:
     @property
     def calibration(self) -> int | None:
         """Key of the calibration that a fix cites."""
-        return None if self.calibrated is None else self.calibrated.record.key
+        return None if self.calibrated is None else self.calibrated.calibration
 
     @property
     def registry(self) -> Registry:
@@ -102,12 +93,24 @@ class CameraRig:
 
     def renew(self) -> None:
         """Look again which of the calibrated cameras there still are."""
-        self._calibrated_by(None if self.calibrated is None else self.calibrated.record)
+        self._calibrated_by(self.record)
 
-    def put_water(self, rig: Rig) -> None:
-        """Take the water's level and ripples of a rig that was made of ``calibrated``."""
+    @property
+    def layout(self) -> Layout:
+        """The fixed tags where the calibration found them, as surveyed where there is none."""
+        if self.record is None:
+            return self._tags.registry.layout
+        return layout_of({"tags": self.record.result["tags"]})
+
+    def put_water(self, level_m: float, level_std_m: float, ripple_slope_rad: float) -> None:
+        """Take the water's level and ripples as the cameras see them now."""
         if self.calibrated is not None:
-            self.calibrated = replace(self.calibrated, rig=rig)
+            self.calibrated = replace(
+                self.calibrated,
+                level_m=level_m,
+                level_std_m=level_std_m,
+                ripple_slope_rad=ripple_slope_rad,
+            )
             self._tell()
 
     def leave_out(self, cameras: Collection[str]) -> None:
@@ -117,18 +120,22 @@ class CameraRig:
             self._tell()
 
     def _calibrated_by(self, record: CalibrationRecord | None) -> None:
-        self.calibrated = None
+        self.record, self.calibrated = record, None
         if record is not None:
             keys = {camera.id: camera.key for camera in self._cameras.records}
-            rig = rig_of(record.result, record.covariance, keys)
-            if rig.cameras:
-                self.calibrated = CalibratedRig(rig, found_layout(record.result), record)
+            cameras = tuple(
+                one["id"] for one in record.result["cameras"] if keys.get(one["id"]) == one["key"]
+            )
+            if cameras:
+                level_m: float = record.result["level_m"]
+                self.calibrated = UsedRig(
+                    record.key, record.result, record.covariance, cameras, level_m
+                )
         self._tell()
 
     def _tell(self) -> None:
-        usable = None if self.calibrated is None else self.calibrated.rig
-        for name in self._left_out:
-            if usable is not None and usable.number(name) is not None:
-                usable = usable.without(name)
-        self._usable = usable if usable is not None and usable.cameras else None
+        self._usable = None
+        if self.calibrated is not None:
+            used = tuple(one for one in self.calibrated.cameras if one not in self._left_out)
+            self._usable = replace(self.calibrated, cameras=used) if used else None
         self._foundation.bus.publish(RigChanged())

@@ -2,16 +2,30 @@
 
 import statistics
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Literal
 
-from autonomy.vision.calibration.watch import CameraStand
 from robot_link.camera.sighting import Sighting, SourceReport
 from server.camera.view import CameraState
 
 BLURRED_PX = 1.5
 """From this blur on tags of usual size are lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Whether a camera still is where the calibration left it."""
+
+    stand: Literal["holds", "moved", "left_out", "unknown"] = "unknown"
+    shift_px: float = 0.0
+    """Median over the fixed tags of how far each is from where it should be."""
+    sentence: str = ""
+    off_px: Mapping[int, tuple[float, float]] = field(
+        default_factory=dict[int, tuple[float, float]]
+    )
+    """Of each fixed tag that it sees, how far it is from where it should be."""
 
 
 @dataclass(slots=True)
@@ -31,8 +45,8 @@ class CameraStatus:
     """When its newest picture was taken, by the station's clock."""
     sighting: Sighting | None = None
     """What was in it."""
-    stand: CameraStand | None = None
-    """Whether it still is where the calibration left it; None where nobody knows."""
+    stand: Stand = Stand()
+    """Whether it still is where the calibration left it."""
 
     @property
     def size(self) -> tuple[int, int] | None:

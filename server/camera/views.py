@@ -1,17 +1,15 @@
 """What REST tells of a camera, put together from all that is known of it."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.vision.camera import CAMERA_ERRORS, Rig
-from autonomy.vision.lens import Lens
 from db.identity import public_id
 from db.query.camera.calibrations import CalibrationRecord
 from db.query.camera.cameras import CameraRecord
 from db.record import same
-from server.camera.document import lens_of
 from server.camera.rig import CameraRig
 from server.camera.status import CameraStatus
 from server.camera.view import (
@@ -25,6 +23,9 @@ from server.camera.view import (
 
 CALIBRATION = "calibration"
 """Kind of a calibration's public id."""
+_CAMERA_ERRORS = 16
+"""As in ``autonomy.vision.camera``: of each camera its place, its turn, its lens, its edges."""
+_COEFFICIENTS = {"pinhole": 5, "fisheye": 4}
 
 
 def camera_view(
@@ -62,10 +63,10 @@ def camera_view(
         strangers=[one for one in ids if rig.registry.is_stranger(one)],
         blur_px=status.blur_px,
         advice=status.advice,
-        stand="unknown" if stand is None else stand.stand,
-        shift_px=0.0 if stand is None else stand.shift_px,
-        moved="" if stand is None else stand.sentence,
-        is_used=rig.rig is not None and rig.rig.number(record.id) is not None,
+        stand=stand.stand,
+        shift_px=stand.shift_px,
+        moved=stand.sentence,
+        is_used=rig.rig is not None and record.id in rig.rig.cameras,
         lens=None if lens is None else _lens_view(lens),
         place=place,
     )
@@ -94,7 +95,7 @@ def _summary(record: CalibrationRecord) -> str:
             f"of {len(record.result['views'])} pictures"
         )
     names = [camera["id"] for camera in record.result["cameras"]]
-    worst = max(_worst_std_m(record.covariance, CAMERA_ERRORS * i, 3) for i in range(len(names)))
+    worst = max(_worst_std_m(record.covariance, _CAMERA_ERRORS * i, 3) for i in range(len(names)))
     return f"{', '.join(names)} within {1e3 * worst:.0f} mm, rms {record.result['rms']:.1f}"
 
 
@@ -109,14 +110,15 @@ def _step(record: CameraRecord, rig: CameraRig, *, is_placed: bool) -> tuple[Set
 
 
 def _lens_view(record: CalibrationRecord) -> LensView:
-    lens = lens_of(record.result["lens"])
+    lens = record.result["lens"]
+    fx, fy, cx, cy, *distortion = lens["parameters"]
     return LensView(
         public_id(CALIBRATION, record.key),
-        lens.kind,
-        (lens.width_px, lens.height_px),
-        lens.focal_px,
-        lens.principal_px,
-        list(lens.distortion),
+        lens["kind"],
+        (lens["width_px"], lens["height_px"]),
+        (fx, fy),
+        (cx, cy),
+        distortion[: _COEFFICIENTS[lens["kind"]]],
         record.result["rms_px"],
         record.result["focal_std_share"],
         record.at,
@@ -124,24 +126,19 @@ def _lens_view(record: CalibrationRecord) -> LensView:
 
 
 def _place(rig: CameraRig, name: str) -> CameraPlaceView | None:
-    whole: Rig | None = None if rig.calibrated is None else rig.calibrated.rig
-    number = None if whole is None else whole.number(name)
-    if whole is None or number is None:
+    whole = rig.calibrated
+    if whole is None or name not in whole.cameras:
         return None
-    camera = whole.cameras[number]
-    rays = camera.lens.rays(_corners(camera.lens)) @ camera.pose.rotation.T
-    first = CAMERA_ERRORS * number
-    covariance = whole.root @ whole.root.T
+    every = whole.result["cameras"]
+    number = next(i for i, one in enumerate(every) if one["id"] == name)
+    camera, first = every[number], _CAMERA_ERRORS * number
+    rotation = np.array(camera["rotation"])
     return CameraPlaceView(
-        _triple(camera.pose.position_m),
-        (
-            _triple(camera.pose.rotation[0]),
-            _triple(camera.pose.rotation[1]),
-            _triple(camera.pose.rotation[2]),
-        ),
-        [_triple(ray) for ray in rays if np.isfinite(ray).all()],
-        _worst_std_m(covariance, first, 3),
-        math.degrees(_worst_std_m(covariance, first + 3, 3)),
+        _triple(camera["position_m"]),
+        (_triple(rotation[0]), _triple(rotation[1]), _triple(rotation[2])),
+        [_triple(rotation @ ray) for ray in np.array(camera["corner_rays"])],
+        _worst_std_m(whole.covariance, first, 3),
+        math.degrees(_worst_std_m(whole.covariance, first + 3, 3)),
     )
 
 
@@ -150,11 +147,6 @@ def _worst_std_m(covariance: FloatArray, first: int, count: int) -> float:
     return math.sqrt(max(float(part.max()), 0.0))
 
 
-def _corners(lens: Lens) -> FloatArray:
-    right, bottom = lens.width_px - 1.0, lens.height_px - 1.0
-    return np.array([[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]])
-
-
-def _triple(values: FloatArray) -> Place:
-    x, y, z = values.tolist()
+def _triple(values: Iterable[float]) -> Place:
+    x, y, z = map(float, values)
     return x, y, z

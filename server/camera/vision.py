@@ -1,8 +1,7 @@
-"""Calibrations as documents that are kept, and back."""
+"""Calibrations as documents that are kept, and back; loads numba, so for worker processes alone."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -14,9 +13,8 @@ from autonomy.vision.fix import Sighting
 from autonomy.vision.lens import Lens
 from autonomy.vision.rigid import Pose
 from autonomy.vision.tag import Layout, layout_of
-
-Document = Mapping[str, Any]
-"""A JSON object."""
+from robot_link.camera.sighting import Sighting as Seen
+from server.camera.used_rig import Document, UsedRig
 
 
 def lens_document(lens: Lens) -> Document:
@@ -72,20 +70,17 @@ def rig_document(
     }
 
 
-def rig_of(document: Document, covariance: FloatArray, keys: Mapping[str, int]) -> Rig:
-    """Return the cameras of a calibration that still are the same ones.
-
-    Args:
-        document: As ``rig_document`` made it.
-        covariance: Joint covariance of all that were calibrated.
-        keys: Of each camera that there is now, its key in the database.
-    """
+def rig_of(used: UsedRig) -> Rig:
+    """Return the cameras that are used, as ``autonomy.vision`` takes them."""
+    document = used.result
     cameras = tuple(map(_camera_of, document["cameras"]))
-    rig = Rig(cameras, document["level_m"], covariance, document["index"])
-    for camera in document["cameras"]:
-        if keys.get(camera["id"]) != camera["key"]:
-            rig = rig.without(camera["id"])
-    return rig
+    rig = Rig(cameras, document["level_m"], used.covariance, document["index"])
+    for camera in cameras:
+        if camera.name not in used.cameras:
+            rig = rig.without(camera.name)
+    if used.level_m != rig.level_m:
+        rig = rig.at_new_level(used.level_m, used.level_std_m)
+    return replace(rig, ripple_slope_rad=used.ripple_slope_rad)
 
 
 def layout_document(layout: Layout) -> Document:
@@ -113,6 +108,15 @@ def sightings_document(sightings: Sequence[Sighting]) -> list[Document]:
     ]
 
 
+def sightings_of(seen: Sequence[Seen]) -> list[Sighting]:
+    """Return what pictures show, one sighting for each tag."""
+    return [
+        Sighting(one.camera, tag.id, np.array(tag.corners_px), tag.sigma_px)
+        for one in seen
+        for tag in one.tags
+    ]
+
+
 def adjustment_document(found: Adjustment, keys: Mapping[str, int]) -> Document:
     """Return what the joint adjustment found, without its covariance."""
     return rig_document(found.rig, keys, found.layout, found.rms, found.tag_rms_px)
@@ -131,9 +135,15 @@ def _camera_document(camera: Camera) -> Document:
         "rotation": camera.pose.rotation.tolist(),
         "position_m": camera.pose.position_m.tolist(),
         "edge_px": camera.edge_px,
+        "corner_rays": np.nan_to_num(camera.lens.rays(_corners(camera.lens))).tolist(),
     }
 
 
 def _camera_of(document: Document) -> Camera:
     pose = Pose(np.array(document["rotation"]), np.array(document["position_m"]))
     return Camera(document["id"], lens_of(document["lens"]), pose, document["edge_px"])
+
+
+def _corners(lens: Lens) -> FloatArray:
+    right, bottom = lens.width_px - 1.0, lens.height_px - 1.0
+    return np.array([[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]])
