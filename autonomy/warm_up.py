@@ -55,6 +55,7 @@ LATER = (
     "autonomy.vision.corner_kernel",
     "autonomy.vision.lens_kernel",
     "autonomy.vision.refraction_kernel",
+    "simulator.camera.trace_kernel",
 )
 """Steps for all else: first what a robot needs that follows a target, then the station's work, the
 most wanted first. The ensemble flies missions ahead, by the kernels of the flight and its own; what
