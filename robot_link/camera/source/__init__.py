@@ -1,0 +1,1 @@
+"""Where pictures come from: webcams, cameras in the network, and files."""
