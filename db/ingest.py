@@ -8,9 +8,11 @@ from typing import Any, cast
 from sqlalchemy import CursorResult, select
 from sqlalchemy.orm import Session
 
+from db.camera_tables import CameraFixRow
 from db.current_tables import CurrentReportRow
 from db.fault import UnknownIdError
 from db.onboard_tables import ActuatorReportRow
+from db.query.camera.fixes import FixRecord, fix_columns
 from db.sample_ingest import NewReading, NewSample, insert_readings, insert_samples, upsert
 from db.tables import Base, PlanQueueRow, PlanReportRow, RawFrameRow, Robot, StateRow
 from db.tag_tables import DetectionRow, ReceiverReportRow
@@ -36,9 +38,10 @@ _Row = (
     | Detection
     | ReceiverReport
     | RawFrame
+    | FixRecord
 )
 """What is a row of a table of its own."""
-Telemetry = RobotReport | RawFrame
+Telemetry = RobotReport | RawFrame | FixRecord
 """What the writer takes in batches."""
 RAW_SENSOR = "ADC"
 """Unit of a tag's sensor value that was not converted."""
@@ -126,6 +129,8 @@ def _row(value: _Row) -> tuple[type[Base], dict[str, Any]]:
             row = asdict(value)
             del row["robot"]
             return ReceiverReportRow, row
+        case FixRecord():
+            return CameraFixRow, fix_columns(value)
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,

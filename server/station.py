@@ -22,6 +22,7 @@ from server.demo import install as demo
 from server.deployment import install as deployment
 from server.design import install as design
 from server.drive import install as drive
+from server.fix import install as fix
 from server.fleet import install as fleet
 from server.lease import install as lease
 from server.link import install as link
@@ -62,6 +63,7 @@ CAPABILITIES = (
     lease,
     command,
     drive,
+    fix,
     current,
     maps,
     tag,

@@ -194,7 +194,7 @@ def follow(
     rig: Rig,
     registry: Registry,
     *,
-    water: Water | None = None,
+    waters: Mapping[str, Water] | None = None,
     said: Mapping[str, Said] | None = None,
 ) -> Followed:
     """Find every robot that a set of pictures shows.
@@ -204,7 +204,7 @@ def follow(
         pictures: Of one moment, at most one of each camera.
         rig: Calibrated cameras and the water; pictures of others are passed over.
         registry: Which tags belong to whom.
-        water: Outside of which no robot is.
+        waters: Of robots of which it is known, the water outside of which they cannot be.
         said: What robots say of themselves.
     """
     seen = _by_robot(pictures, registry)
@@ -216,7 +216,12 @@ def follow(
             continue
         track = new.get(bundle.robot)
         one, later = _follow_one(
-            track, bundle, seen[bundle.robot], rig, water, (said or {}).get(bundle.robot)
+            track,
+            bundle,
+            seen[bundle.robot],
+            rig,
+            (waters or {}).get(bundle.robot),
+            (said or {}).get(bundle.robot),
         )
         found.extend([] if one is None else [one])
         if later is not None:

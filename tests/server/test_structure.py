@@ -12,8 +12,8 @@ from pathlib import Path
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
     "base", "access", "system", "demo", "base_map", "vehicle", "water", "camera", "fleet",
-    "deployment",
-    "link", "satellite", "lease", "command", "drive", "current", "map", "tag", "battery", "plan",
+    "deployment", "link", "satellite", "lease", "command", "drive", "fix", "current", "map", "tag",
+    "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
     "prediction", "alarm", "notice", "scene", "replay", "recording_file", "recording", "logbook",
     "delivery", "analysis", "cli",

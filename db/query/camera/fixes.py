@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
@@ -23,6 +24,11 @@ class FixRecord:
     sent_at: datetime | None
     """When it was sent to the robot; None where it was not."""
 
+    @property
+    def robot(self) -> RobotId:
+        """Whose."""
+        return self.fix.robot
+
 
 def add_fixes(session: Session, fixes: Iterable[tuple[CameraFix, datetime]]) -> None:
     """Keep fixes with the moments at which the station had them; one of the same moment is new.
@@ -31,20 +37,24 @@ def add_fixes(session: Session, fixes: Iterable[tuple[CameraFix, datetime]]) -> 
         UnknownIdError: If there is no such robot.
     """
     for fix, received_at in fixes:
-        north, east, depth = fix.ned_m
-        own = values(fix, but=("robot", "ned_m", "calibration"))
-        own |= {name: list(own[name]) for name in _LISTS}
-        session.merge(
-            CameraFixRow(
-                robot_key=robot_key(session, fix.robot),
-                received_at=received_at,
-                north_m=north,
-                east_m=east,
-                depth_m=depth,
-                calibration_key=fix.calibration,
-                **own,
-            )
-        )
+        columns = fix_columns(FixRecord(fix, received_at, None))
+        session.merge(CameraFixRow(robot_key=robot_key(session, fix.robot), **columns))
+
+
+def fix_columns(record: FixRecord) -> dict[str, Any]:
+    """Return the columns of a fix's row, all but its robot's key."""
+    north, east, depth = record.fix.ned_m
+    own = values(record.fix, but=("robot", "ned_m", "calibration"))
+    return {
+        **own,
+        **{name: list(own[name]) for name in _LISTS},
+        "received_at": record.received_at,
+        "sent_at": record.sent_at,
+        "north_m": north,
+        "east_m": east,
+        "depth_m": depth,
+        "calibration_key": record.fix.calibration,
+    }
 
 
 def mark_sent(session: Session, robot: str, measured_at: datetime, at: datetime) -> None:

@@ -40,7 +40,7 @@ CAMERAS = overhead_cameras()
 RIG = Rig(CAMERAS)
 OTHER = Bundle("mini-2", tuple(replace(tag, id=tag.id + 3) for tag in ROBOT.tags))
 REGISTRY = Registry(tank_layout(), (ROBOT, OTHER))
-WATER = Water((0.0, LENGTH_M), (0.0, WIDTH_M), DEPTH_M)
+WATERS = {"mini-1": Water((0.0, LENGTH_M), (0.0, WIDTH_M), DEPTH_M)}
 CALIBRATIONS = 8
 INSIDE_95 = 7.815
 """Of chi squared with three degrees of freedom."""
@@ -101,7 +101,7 @@ def test_a_dive_is_followed_to_millimetres_and_claims_what_is_true(tanks):
         wet = {"level_m": tank.level_m, "index": tank.index}
         for at_s in np.arange(0.0, 15.0, PERIOD_S):
             taken = pictures(at_s, [(tags, dive)], rng, tank.cameras, **wet)
-            answer = follow(tracks, taken, rig, REGISTRY, water=WATER)
+            answer = follow(tracks, taken, rig, REGISTRY, waters=WATERS)
             tracks = answer.tracks
             for found in answer.found:
                 true = dive(found.at_s)
@@ -161,7 +161,7 @@ def test_two_robots_that_cross_are_never_swapped():
     paths, tracks, met = {"mini-1": east, "mini-2": west}, {}, []
     for at_s in np.arange(0.0, 7.0, PERIOD_S):
         taken = pictures(at_s, [(ROBOT.tags, east), (OTHER.tags, west)], rng)
-        answer = follow(tracks, taken, RIG, REGISTRY, water=WATER)
+        answer = follow(tracks, taken, RIG, REGISTRY, waters=WATERS)
         tracks = answer.tracks
         assert [found.robot for found in answer.found] == ["mini-1", "mini-2"]
         for found in answer.found:

@@ -1,0 +1,82 @@
+"""What follows from a fix: it is sent to its robot, and held against what that says."""
+
+from datetime import datetime
+from functools import partial
+from typing import Final
+
+from robot_link.camera.fix import CameraFix
+from robot_link.messages import RobotId, StateReport
+from server.base.foundation import Foundation
+from server.fix.comparison import Apart, Disagreement, compared
+from server.fix.event import FixFound
+from server.fix.fusion import Fusion
+from server.fix.records import FixRecords
+from server.fleet.fleet import Fleet
+from server.link.event import StateReported
+from server.link.radios import Radios
+
+CAUSE: Final = "fix:disagreement"
+
+
+class FixFollowing:
+    """Sends fixes, and watches that robots agree with them. Belongs to one event loop."""
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        fusion: Fusion,
+        records: FixRecords,
+        radios: Radios,
+    ) -> None:
+        self._alarms, self._background = foundation.alarms, foundation.background
+        self._fleet, self._fusion, self._records, self._radios = fleet, fusion, records, radios
+        self._newest: dict[RobotId, CameraFix] = {}
+        self._disagreements: dict[RobotId, Disagreement] = {}
+        self.apart: dict[RobotId, Apart] = {}
+        """How far each robot was last from where cameras saw it."""
+
+    def take_fix(self, event: FixFound) -> None:
+        """Send a fix that was taken, and compare it with what the robot said."""
+        fix = event.fix
+        if fix.quality == "refused":
+            return
+        self._newest[fix.robot] = fix
+        unsent = self._radios.send_fix(fix, partial(self._sent, fix))
+        sight = self._fusion.sight(fix.robot)
+        if sight is not None:
+            sight.unsent = unsent
+        state = self._fleet.status(fix.robot).state
+        if state is not None:
+            self._compare(state, fix)
+
+    def take_state(self, event: StateReported) -> None:
+        """Compare what a robot says with the newest fix."""
+        fix = self._newest.get(event.report.robot)
+        if fix is not None:
+            self._compare(event.report, fix)
+
+    def _sent(self, fix: CameraFix, at: datetime) -> None:
+        self._records.note_sent(fix, at)
+
+    def _compare(self, state: StateReport, fix: CameraFix) -> None:
+        apart = compared(state, fix)
+        if apart is None:
+            return
+        self.apart[fix.robot] = apart
+        watch = self._disagreements.setdefault(fix.robot, Disagreement())
+        raises = watch.take(apart, has_fix=state.has_fix)
+        if raises is not None:
+            told = self._tell(fix.robot, apart) if raises else self._end(fix.robot)
+            self._background.start(f"disagreement of {fix.robot} and cameras", told)
+
+    async def _tell(self, robot: RobotId, apart: Apart) -> None:
+        text = (
+            f"{robot} says that it has a fix, and is {apart.distance_m:.1f} m from where cameras"
+            " see it."
+        )
+        action = "Check its tags: are plates swapped or registered otherwise? Then the cameras."
+        await self._alarms.raise_(CAUSE, text, robot=robot, action=action)
+
+    async def _end(self, robot: RobotId) -> None:
+        await self._alarms.clear(CAUSE, robot=robot)

@@ -1,0 +1,80 @@
+"""Fixes on their way into the database: never waited for, and told once they are there."""
+
+import asyncio
+import logging
+from concurrent.futures import Future
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from db.fault import StoreUnavailableError
+from db.query.camera.fixes import FixRecord, mark_sent
+from db.store import Store
+from robot_link.camera.fix import CameraFix
+from robot_link.clock import Clock
+from server.base.event_bus import EventBus
+from server.fix.event import FixesStored, FixFound
+
+log = logging.getLogger(__name__)
+_SENT_PERIOD_S: Final = 0.5
+"""What was sent is noted so often, in one transaction for all robots."""
+
+
+class FixRecords:
+    """Keeps fixes. Belongs to one event loop.
+
+    While storage fails, they wait in memory as all telemetry does (``db.writer``).
+    """
+
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
+        self._store = store
+        self._clock = clock
+        self._bus = bus
+        self._sent: list[tuple[CameraFix, datetime]] = []
+
+    def take(self, event: FixFound) -> None:
+        """Have a fix written with the next batch."""
+        fix, loop = event.fix, asyncio.get_running_loop()
+
+        def written(future: "Future[None]") -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(self._written, future, fix)
+
+        record = FixRecord(fix, self._clock.now(), None)
+        self._store.append([record]).add_done_callback(written)
+
+    def note_sent(self, fix: CameraFix, at: datetime) -> None:
+        """Note that a fix was sent to its robot."""
+        self._sent.append((fix, at))
+
+    async def run(self) -> None:
+        """Write what was sent until cancelled."""
+        while True:
+            await asyncio.sleep(_SENT_PERIOD_S)
+            await self.flush()
+
+    async def flush(self) -> None:
+        """Write what was sent; what cannot be written waits."""
+        sent, self._sent = self._sent, []
+        if not sent:
+            return
+
+        def write(session: Session) -> None:
+            for fix, at in sent:
+                mark_sent(session, fix.robot, fix.measured_at, at)
+
+        try:
+            await self._store.write(write)
+        except StoreUnavailableError:
+            self._sent = sent + self._sent
+        else:
+            for robot in {fix.robot for fix, _ in sent}:
+                self._bus.publish(FixesStored(robot))
+
+    def _written(self, future: "Future[None]", fix: CameraFix) -> None:
+        error = future.exception()
+        if error is None:
+            self._bus.publish(FixesStored(fix.robot))
+        else:
+            log.error("a fix of %s was not kept: %s", fix.robot, error)

@@ -1,0 +1,238 @@
+"""Robots that cameras see: found, kept, told to the robots, held against what they say."""
+
+import asyncio
+import os
+import signal
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from autonomy.vision.rigid import Pose
+from db.query.camera.fixes import list_fixes
+from robot_link.messages import RobotId
+from server.base.worker import WorkerPool
+from server.camera.rig import CameraRig
+from server.fix.event import FixFound
+from server.fix.follow import CAUSE
+from server.fix.fusion import Fusion
+from server.fleet.link_panel import link_views
+from tests.autonomy.vision.tank import ROBOT
+from tests.server.conftest import MINI, open_station, until
+from tests.server.fake_link import state_report
+from tests.server.fix.sighted import LINK, OTHER, Cameraman, calibrate, give_link
+
+HERE = Pose.of_angles([2.0, 1.4, 0.5], 0.05, -0.2, 1.0)
+THERE = Pose.of_angles([2.6, 1.0, 0.3], 0.0, 0.0, -1.0)
+
+
+@pytest.fixture
+async def filming(client, foundation):
+    """A station with calibrated cameras that look for mini-1, and who draws their pictures."""
+    await calibrate(foundation, client)
+    await give_link(client)
+    return Cameraman(foundation)
+
+
+async def fixes(client, **query):
+    answer = await client.get("/api/robots/mini-1/fixes", params=query)
+    assert answer.status_code == 200, answer.text
+    return answer.json()["fixes"]
+
+
+def row(foundation, station):
+    views = link_views(station.fleet.status(MINI))
+    return next(view for view in views if view.uri == LINK)
+
+
+async def test_a_robot_in_the_pictures_is_found_kept_and_told(
+    client, station, world, filming, foundation
+):
+    rows = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    fix = rows[-1]
+    assert fix["ned_m"] == pytest.approx(HERE.position_m, abs=0.006)
+    assert fix["heading_rad"] == pytest.approx(1.0, abs=0.02)
+    assert fix["quality"] == "good"
+    assert fix["cameras"] == ["tank-1", "tank-2", "tank-3"]
+    assert fix["calibration"].startswith("calibration")
+    assert np.all(np.array(fix["covariance_m2"])[[0, 3, 5]] > 0.0)
+    assert [one.robot for one in world.fixes][:1] == [MINI]
+    sent = await until(lambda: sent_ones(client))
+    assert sent[0]["measured_at"] == world.fixes[0].measured_at.isoformat().replace("+00:00", "Z")
+    link = row(foundation, station)
+    assert link.kind == "camera"
+    assert link.carries == ["position"]
+    assert link.state == "live"
+    assert link.text.startswith("3 cameras, ")
+    assert link.text.endswith(" s old.")
+
+
+async def sent_ones(client):
+    return [one for one in await fixes(client) if one["sent_at"] is not None]
+
+
+async def test_a_fix_that_the_radio_does_not_take_is_kept_as_not_sent(
+    client, station, world, filming, foundation
+):
+    world.in_reach = False
+    rows = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    assert rows[-1]["sent_at"] is None
+    assert world.fixes == []
+    assert "not sent: mini-1 is not in radio contact" in row(foundation, station).text
+
+
+async def test_an_unplugged_robot_is_neither_sought_nor_told(
+    client, station, world, filming, foundation
+):
+    await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    await station.disabled_links.set(LINK, is_enabled=False, robot="mini-1", by="ann")
+    station.fleet.set_disabled_links(station.disabled_links.disabled)
+    link = row(foundation, station)
+    assert (link.state, link.carries) == ("unplugged", [])
+    assert "neither sought nor told" in link.text
+    rig = foundation.services.get(CameraRig)
+    await filming.until_found(ROBOT.tags, HERE, lambda: not rig.regions("tank-2"))
+    count, told = len(await fixes(client)), len(world.fixes)
+    for _ in range(5):
+        filming.shoot((ROBOT.tags, HERE))
+        await asyncio.sleep(0.05)
+    assert (len(await fixes(client)), len(world.fixes)) == (count, told)
+    assert foundation.services.get(Fusion).strangers == {}
+    await station.disabled_links.set(LINK, is_enabled=True, robot="mini-1", by="ann")
+    await filming.until_found(ROBOT.tags, HERE, lambda: len(world.fixes) > told)
+
+
+async def test_cameras_are_told_where_to_look(filming, foundation):
+    rig = foundation.services.get(CameraRig)
+    await filming.until_found(ROBOT.tags, HERE, lambda: rig.regions("tank-2"))
+    (region,) = rig.regions("tank-2")
+    assert 0 <= region.left < region.right < 1280
+    assert region.right - region.left < 400
+
+
+async def test_a_robot_that_is_hidden_is_told_as_lost_with_its_age(
+    client, station, filming, foundation
+):
+    await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+
+    def told():
+        filming.shoot()
+        text = row(foundation, station).text
+        return text if "do not find its tags" in text else None
+
+    text = await until(told)
+    assert "ago" in text
+    assert row(foundation, station).state == "stale"
+
+
+async def test_two_robots_each_get_their_own_fixes(client, foundation):
+    await calibrate(foundation, client, (ROBOT, OTHER))
+    await give_link(client)
+    await give_link(client, "grace-1", ("cameras:///?tags=grace-1",))
+    filming, found = Cameraman(foundation), {}
+    foundation.bus.subscribe(FixFound, lambda event: found.setdefault(event.fix.robot, event.fix))
+
+    def both():
+        filming.shoot((ROBOT.tags, HERE), (OTHER.tags, THERE))
+        return len(found) == 2
+
+    await until(lambda: asyncio.sleep(0.1, both()))
+    assert found[MINI].ned_m == pytest.approx(HERE.position_m, abs=0.006)
+    assert found[RobotId("grace-1")].tags == (3, 4, 5)
+
+
+async def test_a_tag_that_nobody_knows_is_listed_as_a_stranger(client, filming):
+    filming.shoot((OTHER.tags, HERE))
+    listed = await until(lambda: strangers(client))
+    assert {one["tag"] for one in listed} <= {3, 4, 5}
+    assert listed[0]["camera"].startswith("tank-")
+
+
+async def strangers(client):
+    return (await client.get("/api/tags/strangers")).json()
+
+
+async def test_without_calibration_the_link_says_so(client, station, foundation):
+    await give_link(client)
+    Cameraman(foundation).shoot((ROBOT.tags, HERE))
+    text = "Cameras never saw mini-1: no camera is calibrated."
+    await until(lambda: row(foundation, station).text == text)
+
+
+async def test_a_refused_fix_is_kept_with_its_reason_and_not_sent(client, world, filming):
+    far = Pose.of_angles([2.0, 1.4, 1.19], 0.0, 0.0, 0.0)
+    above = Pose(far.rotation, np.array([2.0, 1.4, -0.5]))
+    rows = await filming.until_found(ROBOT.tags, above, lambda: fixes(client))
+    assert rows[-1]["quality"] == "refused"
+    assert rows[-1]["reason"] == "the position is outside of the water"
+    assert world.fixes == []
+
+
+async def test_fixes_are_kept_at_most_five_times_a_second_and_thinned_out(client, filming):
+    start = filming._foundation.clock.now()
+    await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    for _ in range(30):
+        filming.shoot((ROBOT.tags, HERE))
+        await asyncio.sleep(0.05)
+    rows = await fixes(client)
+    begin, end = (np.datetime64(rows[i]["measured_at"].rstrip("Z")) for i in (0, -1))
+    lasted_s = (end - begin) / np.timedelta64(1, "s")
+    assert len(rows) <= 5.0 * lasted_s + 2.0
+    thinned = await fixes(client, max_points=3)
+    assert len(thinned) <= 3
+    assert thinned[-1] == rows[-1]
+    early = await fixes(client, end=start.isoformat())
+    assert early == []
+    answer = await client.get(
+        "/api/robots/mini-1/fixes",
+        params={"start": (start + timedelta(hours=1)).isoformat(), "end": start.isoformat()},
+    )
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["loc"] == ["query", "start"]
+
+
+async def test_a_robot_that_contradicts_the_cameras_raises_an_alarm_until_it_agrees(
+    client, station, world, filming, foundation
+):
+    def standing():
+        return foundation.alarms.standing(CAUSE, "mini-1")
+
+    def say(place):
+        world.tell(state_report(MINI, place, foundation.clock.now()))
+
+    def contradict():
+        say((1.0, 0.5, 0.5))
+        return standing()
+
+    alarm = await filming.until_found(ROBOT.tags, HERE, contradict)
+    assert "m from where cameras see it" in alarm.text
+
+    def agree():
+        say(tuple(HERE.position_m.tolist()))
+        return standing() is None
+
+    await filming.until_found(ROBOT.tags, HERE, agree)
+
+
+async def test_a_finding_process_that_dies_costs_a_moment_and_comes_back(
+    client, filming, foundation
+):
+    found = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    fusion = foundation.services.get(Fusion)
+    pool: WorkerPool = fusion._pool
+    (process,) = pool.process_ids()
+    os.kill(process, signal.SIGKILL)
+    await filming.until_found(ROBOT.tags, HERE, lambda: more(client, len(found) + 3))
+    assert pool.process_ids() != (process,)
+
+
+async def more(client, count):
+    rows = await fixes(client)
+    return rows if len(rows) >= count else None
+
+
+async def test_kept_fixes_outlive_the_station(tmp_path, world, client, filming):
+    rows = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    async with open_station(tmp_path, world) as again:
+        kept = await again.foundation.store.query(lambda session: list_fixes(session, "mini-1"))
+    assert len(kept) >= len(rows)
