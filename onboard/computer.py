@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -26,6 +27,8 @@ from onboard.memory import (
 )
 from onboard.node.client import NodeClient
 from onboard.node.satellite import SatelliteClient
+from onboard.own_camera_file import OwnCameraFileError, read_own_camera
+from onboard.own_camera_listener import OwnCameraListener
 from onboard.own_parameters import OwnParameters
 from onboard.profile import FLIGHT_PROFILES
 from onboard.program import OnboardProgram
@@ -42,6 +45,8 @@ from robot_link.satellite.config import SatelliteConfig
 from robot_link.service.file_store import FolderFiles
 from robot_link.transport.datagram import DatagramTransport
 
+TimeAt = Callable[[float], datetime]
+"""Tells the robot's time at a count of its counter."""
 KEY_FILE = "robot.key"
 """The robot's key, in the folder of its memory."""
 SIGNING_KEY_FILE = "signing.key"
@@ -67,6 +72,8 @@ class Computer:
         satellite: Its satellite node, and its key; None without a modem.
         acoustic: The node of its acoustic modem; None without one.
         tag_receiver: The node of its receiver of acoustic tags; None without one.
+        camera: The node of its own camera, and what its counts mean; None without one. What is
+            known of camera and tank lies in its memory.
         satellite_config: How it uses its modem, as built; by default as the station assumes.
     """
 
@@ -85,6 +92,7 @@ class Computer:
         satellite_config: SatelliteConfig | None = None,
         acoustic: NodeClient | None = None,
         tag_receiver: NodeClient | None = None,
+        camera: tuple[NodeClient, TimeAt] | None = None,
     ) -> None:
         self.program = program
         started_at = clock.now()
@@ -127,6 +135,7 @@ class Computer:
         if tag_receiver is not None:
             self._nodes["tag receiver"] = tag_receiver
             self._tags = TagListener(robot, program, tag_receiver, self.link, clock, self.log)
+        self._eye = None if camera is None else self._own_camera(*camera, memory)
         if satellite is not None and talk is not None:
             node, key = satellite
             self._nodes["satellite"] = node
@@ -158,10 +167,25 @@ class Computer:
                     group.create_task(self._pinger.run(), name="pinger")
                 if self._tags is not None:
                     group.create_task(self._tags.run(), name="tag listener")
+                if self._eye is not None:
+                    group.create_task(self._eye.run(), name="own camera")
+                    group.create_task(self._eye.watch(), name="own camera's state")
                 if self.talk is not None:
                     group.create_task(self.talk.run(), name="satellite talk")
         finally:
             self.log.close()
+
+    def _own_camera(
+        self, node: NodeClient, time_at: TimeAt, memory: Path | None
+    ) -> OwnCameraListener | None:
+        """Return what finds the robot by its own camera; None, and why in the log, if nothing."""
+        try:
+            setup = read_own_camera(memory)
+        except OwnCameraFileError as error:
+            self.log.note(f"own camera is not used: {error}")
+            return None
+        self._nodes["camera"] = node
+        return OwnCameraListener(self.program, node, setup, time_at, self.log)
 
     def step(self) -> None:
         """Let one period of the program pass; call it ten times a second of the robot."""

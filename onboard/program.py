@@ -283,6 +283,10 @@ class OnboardProgram:
         """Take where somebody outside saw the robot, or refuse it and count that."""
         self.fixes.hear(fix, self.now, self._readings.depth_m)
 
+    def hear_own_fix(self, fix: ReceivedFix) -> None:
+        """Take where the robot's own camera saw it to be, at whatever depth."""
+        self.fixes.hear(fix, self.now, None)
+
     def refuse_fix(self, reason: str) -> None:
         """Count a fix that is none, or is not for this robot."""
         self.fixes.refuse(reason)

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
-from onboard.computer import KEY_FILE, Computer
+from onboard.computer import KEY_FILE, Computer, TimeAt
 from onboard.flight.hardware import Hardware
 from onboard.flight.navigation import CurrentBelief
 from onboard.memory import read_key
@@ -58,6 +58,7 @@ def computer_of(
     satellite: NodeClient | None,
     acoustic: NodeClient | None = None,
     tag_receiver: NodeClient | None = None,
+    camera: tuple[NodeClient, TimeAt] | None = None,
 ) -> Computer:
     """Return a robot's computer; it talks by satellite only with a key in its memory.
 
@@ -70,6 +71,7 @@ def computer_of(
         satellite: Its satellite node; None without a modem.
         acoustic: Its acoustic node; None without a modem.
         tag_receiver: The node of its receiver of acoustic tags; None without one.
+        camera: The node of its own camera, and what its counts mean; None without one.
 
     Raises:
         KeyUnreadableError: If the robot's key is none.
@@ -91,4 +93,5 @@ def computer_of(
         satellite_config=definition.satellite,
         acoustic=acoustic,
         tag_receiver=tag_receiver,
+        camera=camera,
     )

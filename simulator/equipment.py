@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
+from onboard.node.camera import CameraNode
 from onboard.node.client import NodeClient
 from onboard.node.gps_clock import GpsClockNode, discipline
 from onboard.node.satellite import SatelliteNode
@@ -26,12 +27,15 @@ from simulator.fleet import RobotDefinition
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
+from simulator.own_camera import SimulatedEye, pose_of_state, write_files
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
 from simulator.tag_receiver import TagReceiver
 
 _CLOCK_SEED = 3
 """Tells the randomness of a robot's counter from that of its water and its sensors."""
+_EYE_SEED = 4
+"""Likewise that of its own camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +135,10 @@ async def equipped(
             await stack.enter_async_context(heard_in.pty(line))
             tags = TagReceiverNode(line)
             await serve(tags.server, tags.run())
+        if definition.has_own_camera and (memory := settings.memory(definition.robot)) is not None:
+            await asyncio.to_thread(write_files, memory)
+            camera = CameraNode(_eye(settings, definition, body, time))
+            await serve(camera.server, camera.run())
         for server in more:
             await serve(server, None)
         directory = device_path("nodes.json")
@@ -139,6 +147,18 @@ async def equipped(
             yield Equipment(addresses)
         finally:
             directory.unlink(missing_ok=True)
+
+
+def _eye(
+    settings: SimulatorSettings, definition: RobotDefinition, body: SimulatedBody, time: Timekeeping
+) -> SimulatedEye:
+    """Return what a robot's own camera sees."""
+    return SimulatedEye(
+        lambda: pose_of_state(body.plant.state),
+        lambda: time.oscillator.count_s(body.plant.time_s),
+        time.truth,
+        np.random.default_rng([settings.seed, definition.system_id, _EYE_SEED]),
+    )
 
 
 @asynccontextmanager

@@ -81,6 +81,8 @@ class RobotDefinition:
     """Serial number of its receiver of acoustic tags; None without one."""
     tags: tuple[SimulatedTag, ...] = ()
     """Tags in its water."""
+    has_own_camera: bool = False
+    """Whether it carries a camera that sees the visual tags on the walls of its tank."""
     targets: tuple[AcousticTarget, ...] = ()
     """What else answers pings in its water."""
     acoustics: AcousticConditions = field(default_factory=AcousticConditions)

@@ -160,6 +160,7 @@ async def _whole(
             equipped(settings, definition, robot.body, time, network)
         )
         await stack.enter_async_context(disciplined(time.onboard, equipment))
+        camera = equipment.client("camera")
         computer = computer_of(
             definition,
             robot.program,
@@ -169,6 +170,7 @@ async def _whole(
             satellite=equipment.client("satellite"),
             acoustic=equipment.client("acoustic"),
             tag_receiver=equipment.client("tag_receiver"),
+            camera=None if camera is None else (camera, time.onboard.at),
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{definition.robot} computer")

@@ -45,8 +45,8 @@ class RobotSettings(Configuration):
     robot: RobotId
     """Its name."""
     nodes: Mapping[str, str]
-    """Addresses of its nodes by name; body is needed, gps_clock, satellite, acoustic and
-    tag_receiver are used where there are any."""
+    """Addresses of its nodes by name; body is needed, gps_clock, satellite, acoustic,
+    tag_receiver and camera are used where there are any."""
     radio: str
     """URI of its radio's line."""
     memory: Path
@@ -120,6 +120,7 @@ async def _live(settings: RobotSettings) -> None:
             await _first_pulse(onboard)
         clock = RunningClock(onboard, lambda: body.count_s, settings.speed)
         definition = FLEET[settings.robot]
+        camera = _client(settings, "camera")
         computer = computer_of(
             definition,
             program_of(definition, body, clock.now(), clock.now),
@@ -129,6 +130,7 @@ async def _live(settings: RobotSettings) -> None:
             satellite=_client(settings, "satellite"),
             acoustic=_client(settings, "acoustic"),
             tag_receiver=_client(settings, "tag_receiver"),
+            camera=None if camera is None else (camera, onboard.at),
         )
         _log.info("%s is awake; its clock shows %s", settings.robot, f"{clock.now():%Y-%m-%d %X}")
         async with asyncio.TaskGroup() as group:

@@ -1,5 +1,6 @@
 """Settings of the simulator's process; a settings file holds them as one JSON object."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -70,6 +71,9 @@ class SimulatorSettings(Configuration):
     """Robots that can begin out of radio range do."""
     has_ctd: bool = False
     """GRACE robots carry a CTD: salinity, conductivity and pressure beside their instruments."""
+    has_own_cameras: bool = False
+    """Robots of the tank carry a camera of their own, find themselves by the visual tags on its
+    walls, and are told of their place by nobody else."""
     has_programs: bool = True
     """Whether the robots' onboard programs run here. Without them the robots' nodes and radios
     wait for programs of their own."""
@@ -133,6 +137,12 @@ class SimulatorSettings(Configuration):
         return self
 
     @model_validator(mode="after")
+    def _cameras_are_written_down(self) -> Self:
+        if self.has_own_cameras and self.memory_folder is None:
+            raise ValueError("robots keep what they know of their own cameras in memory_folder")
+        return self
+
+    @model_validator(mode="after")
     def _waves_do_not_break(self) -> Self:
         Wave(self.wave_height_m, self.wave_period_s)
         return self
@@ -186,6 +196,9 @@ class SimulatorSettings(Configuration):
         if self.has_ctd and definition.vehicle.key == "grace3":
             ctd = tuple(one for one in CTD if one.channel != definition.site.variable)
             definition = replace(definition, instruments=definition.instruments + ctd)
+        if self.has_own_cameras and definition.site.kind == "tank":
+            blind = replace(definition.sensors, fix_depth_m=-math.inf)
+            definition = replace(definition, has_own_camera=True, sensors=blind)
         return definition.far_away() if self.is_far else definition
 
     def sub(self, robot: RobotId) -> SubDefinition:

@@ -41,13 +41,14 @@ class OutsideFixes:
         self.reason = ""
         """Why the last of those was refused, a sentence."""
 
-    def hear(self, fix: ReceivedFix, now: datetime, depth_m: float) -> None:
+    def hear(self, fix: ReceivedFix, now: datetime, depth_m: float | None) -> None:
         """Take a fix or refuse it.
 
         Args:
             fix: What came.
             now: The robot's clock.
-            depth_m: What its depth sensor reads.
+            depth_m: What its depth sensor reads; None where the depth does not matter, as for
+                its own camera.
         """
         if reason := self._refusal(fix, now, depth_m):
             self.refuse(reason)
@@ -67,7 +68,7 @@ class OutsideFixes:
         self.taken += 1
         return LateFix(fix, max(0.0, (now - fix.measured_at).total_seconds()))
 
-    def _refusal(self, fix: ReceivedFix, now: datetime, depth_m: float) -> str:
+    def _refusal(self, fix: ReceivedFix, now: datetime, depth_m: float | None) -> str:
         age_s = (now - fix.measured_at).total_seconds()
         north, east, down = fix.ned_m
         if age_s > AGE_MAX_S:
@@ -79,6 +80,6 @@ class OutsideFixes:
         above_m = max(-down, down - self._site.water.depth_max_m)
         if max(-self._site.clearance_m(north, east), above_m) > OUTSIDE_MAX_M:
             return f"the fix lies more than {OUTSIDE_MAX_M:g} m outside of the water"
-        if depth_m > self._surface_depth_m:
+        if depth_m is not None and depth_m > self._surface_depth_m:
             return f"the robot is {depth_m:.2f} m deep; fixes count to {self._surface_depth_m:g} m"
         return ""

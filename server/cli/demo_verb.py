@@ -186,7 +186,8 @@ def _radios(arguments: Namespace, folder: Path) -> tuple[Path, ...]:
 
 def _trouble(arguments: Namespace) -> tuple[str, ...]:
     """Return the simulator's options that make a robot's life harder."""
-    options = [f"--{name}" for name in ("far", "ctd") if getattr(arguments, name)]
+    switches = {"far": arguments.far, "ctd": arguments.ctd, "own-cameras": arguments.own_cameras}
+    options = [f"--{name}" for name, is_on in switches.items() if is_on]
     for name in ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers"):
         value = getattr(arguments, name)
         if value is not None:

@@ -65,6 +65,11 @@ def add_world_options(parser: ArgumentParser) -> None:
         help="GRACE robots carry a CTD: salinity, conductivity and pressure",
     )
     parser.add_argument(
+        "--own-cameras",
+        action="store_true",
+        help="robots of the tank find themselves by cameras of their own and tags on its walls",
+    )
+    parser.add_argument(
         "--current",
         type=flow,
         metavar="FLOW",
@@ -186,6 +191,7 @@ def run(arguments: Namespace) -> int:
         "acoustic_outliers": arguments.acoustic_outliers,
         "is_far": arguments.far,
         "has_ctd": arguments.ctd,
+        "has_own_cameras": arguments.own_cameras,
         "has_programs": not arguments.bodies,
         "memory_folder": folder / MEMORY_FOLDER,
         "gateway": None if is_apart else read_gateway(folder),
