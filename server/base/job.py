@@ -40,6 +40,10 @@ class JobProgress:
         """Say how far the work is, 0 .. 1, and what it is at. Call it on the event loop."""
         self._tell(min(1.0, max(0.0, progress)), message)
 
+    def wait_for_process(self) -> None:
+        """Say that the work begins once a process is free, which other work may still need."""
+        self.report(0.0, "Waiting for a free process")
+
 
 class WorkStoppedError(Exception):
     """The job that work of another thread belongs to was cancelled; nothing of it is kept."""

@@ -252,7 +252,7 @@ class Studies(ABC, Generic[_Problem]):
     async def _work(
         self, record: StudyRecord, problem: _Problem, progress: JobProgress
     ) -> Document:
-        progress.report(0.0, "Waiting for a free process")
+        progress.wait_for_process()
         try:
             result = await self._workers.run(
                 self.task, problem, on_progress=lambda news: self._take(record, news, progress)

@@ -149,6 +149,7 @@ async def start_current_reading(
     )
 
     async def work(progress: JobProgress) -> Mapping[str, Any]:
+        progress.wait_for_process()
         try:
             found: Mapping[str, Any] = await foundation.workers.run(
                 TASK, order, on_progress=lambda news: progress.report(*news)

@@ -98,7 +98,7 @@ class MapComparisons:
     async def _compare(
         self, robot: str, group: MapGroup, progress: JobProgress, by: str
     ) -> dict[str, Any]:
-        progress.report(0.0, "Waiting for a free process")
+        progress.wait_for_process()
         columns = await self._store.query(
             lambda session: map_columns(session, group.robots, group.channel, group.spans)
         )

@@ -125,7 +125,7 @@ class MapLearning:
         )
 
     async def _learn(self, robot: str, group: MapGroup, progress: JobProgress) -> Mapping[str, Any]:
-        progress.report(0.0, "Waiting for a free process")
+        progress.wait_for_process()
         members = sorted(group.members | {robot})
         held = {one: await self._foundation.configurations.current("field", one) for one in members}
         for one, found in held.items():

@@ -154,6 +154,7 @@ async def read_upload(
     Raises:
         JobError: If it cannot be read.
     """
+    progress.wait_for_process()
     try:
         found = await pool.run(PROPOSE, order, on_progress=lambda news: progress.report(*news))
     except WORKER_FAILURES as error:
@@ -176,6 +177,7 @@ async def run_confirmed(
     def told(news: tuple[float, str]) -> None:
         progress.report(news[0] * _CONVERTED_SHARE, news[1])
 
+    progress.wait_for_process()
     try:
         converted = await pool.run(CONVERT, wanted.order, on_progress=told)
     except WORKER_FAILURES as error:

@@ -63,6 +63,7 @@ async def start_reading(
 async def _read(
     foundation: Foundation, order: ReadingOrder, progress: JobProgress
 ) -> Mapping[str, Any]:
+    progress.wait_for_process()
     try:
         found = await foundation.workers.run(
             TASK, order, on_progress=lambda news: progress.report(*news)

@@ -162,7 +162,7 @@ class Films:
             log.info("%d films that expired were removed", gone)
 
     async def _work(self, order: FilmOrder, progress: JobProgress) -> FilmResult:
-        progress.report(0.0, "Waiting for a free process")
+        progress.wait_for_process()
         kept: KeptFilm = await worked_out(
             self._foundation.study_workers, task.TASK, order, lambda news: progress.report(*news)
         )

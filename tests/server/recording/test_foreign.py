@@ -69,6 +69,28 @@ def counts(report):
     return tuple(report[kind] for kind in kinds)
 
 
+async def test_a_file_that_waits_for_other_work_says_so(app, pilot):
+    places = app.state.foundation.workers._places
+    taken = 0
+    while not places.locked():
+        await places.acquire()
+        taken += 1
+    answer = await pilot.post("/api/imports/uploads", files={"files": ("a.csv", table(range(9)))})
+
+    async def message():
+        job = await pilot.get(f"/api/jobs/{answer.json()['id']}")
+        return job.json()["message"]
+
+    async with asyncio.timeout(60):
+        while True:
+            if await message() == "Waiting for a free process":
+                break
+            await asyncio.sleep(0.05)
+    for _ in range(taken):
+        places.release()
+    assert (await ended(pilot, answer))["state"] == "done"
+
+
 async def test_a_table_is_proposed_confirmed_and_every_row_is_told_of(app, pilot):
     proposal = (await sent(pilot, ("odd.csv", table(range(30), broken=(4,)))))["result"]
     roles = {one["name"]: one["role"] for one in proposal["columns"]}
