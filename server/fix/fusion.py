@@ -148,7 +148,7 @@ class Fusion:
                 robots[tags] = robot
         if rig is not None and not robots:
             for camera in rig.cameras:
-                self._rig.set_regions(camera.name, ())
+                self._rig.set_regions(camera, ())
         if rig is None or not robots or not moment:
             return None
         self._packed = self._packed or pickle.dumps(rig, pickle.HIGHEST_PROTOCOL)

@@ -30,7 +30,7 @@ class FusionCall:
 
     pictures: tuple[Pictured, ...]
     rig: bytes
-    """A pickled ``autonomy.vision.camera.Rig``, whose module would load numba here."""
+    """A pickled ``server.camera.used_rig.UsedRig``; packed once, for it is large."""
     calibration: int | None
     registry: Registry
     robots: Mapping[str, RobotId]

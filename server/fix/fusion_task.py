@@ -19,6 +19,7 @@ from autonomy.vision.tracker import Found, Picture, Said, Track, follow, regions
 from robot_link.camera.fix import CameraFix
 from robot_link.camera.sighting import Region
 from robot_link.messages import RobotId
+from server.camera.vision import rig_of
 from server.fix.fusion_call import FoundRobot, FusionAnswer, FusionCall, Pictured
 
 _AHEAD_S = 0.15
@@ -30,7 +31,7 @@ def fuse(
 ) -> FusionAnswer:
     """Find the robots that pictures of one moment show."""
     del report, is_cancelled
-    rig: Rig = _unpacked(call.rig)
+    rig = _rig(call.rig)
     tracks: Mapping[str, Track] = pickle.loads(call.tracks) if call.tracks else {}
     sought = Registry(
         call.registry.layout,
@@ -65,8 +66,8 @@ def fuse(
 
 
 @lru_cache(maxsize=1)
-def _unpacked(rig: bytes) -> Rig:
-    return pickle.loads(rig)
+def _rig(used: bytes) -> Rig:
+    return rig_of(pickle.loads(used))
 
 
 def _picture(pictured: Pictured) -> Picture:

@@ -12,8 +12,8 @@ from db.query.camera.calibrations import add_calibration
 from robot_link.camera.sighting import Sighting, TagSeen
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
-from server.camera.document import rig_document
 from server.camera.event import PictureSeen
+from server.camera.vision import rig_document
 from tests.autonomy.vision.tank import ROBOT, overhead_cameras, see, tank_layout
 from tests.autonomy.vision.test_tracker import dive
 from tests.server.conftest import until
