@@ -81,12 +81,10 @@ class CameraProcess:
 
 async def _ended(process: asyncio.subprocess.Process) -> None:
     """End a process: by closing its input, and if it does not end then, for good."""
-    if process.stdin is not None:
-        process.stdin.close()
     with suppress(TimeoutError):
         async with asyncio.timeout(_END_S):
-            await process.wait()
+            await process.communicate()
             return
     with suppress(ProcessLookupError):
         process.kill()
-    await process.wait()
+    await process.communicate()
