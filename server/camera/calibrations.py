@@ -10,7 +10,9 @@ from server.base.foundation import Foundation
 from server.base.problem import conflict
 from server.camera.cameras import Cameras
 from server.camera.rig import CameraRig
-from server.camera.views import CALIBRATION
+
+CALIBRATION = "calibration"
+"""Kind of a calibration's public id."""
 
 
 class Calibrations:
@@ -92,6 +94,12 @@ class Calibrations:
             add_event(session, at, "camera.calibration", text, data={"calibration": name})
 
         await self._foundation.store.write(write)
+
+
+def lens_size(record: CalibrationRecord) -> tuple[int, int]:
+    """Return the size of the pictures that the calibration of a lens holds for, px."""
+    lens = record.result["lens"]
+    return lens["width_px"], lens["height_px"]
 
 
 def _camera_keys(record: CalibrationRecord) -> set[int]:

@@ -6,10 +6,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.vision.tag import LATENCY_IDS
 from db.identity import public_id
 from db.query.camera.calibrations import CalibrationRecord
 from db.query.camera.cameras import CameraRecord
 from db.record import same
+from server.camera.calibrations import CALIBRATION, lens_size
 from server.camera.rig import CameraRig
 from server.camera.status import CameraStatus
 from server.camera.view import (
@@ -21,8 +23,6 @@ from server.camera.view import (
     SetUpStep,
 )
 
-CALIBRATION = "calibration"
-"""Kind of a calibration's public id."""
 _CAMERA_ERRORS = 16
 """As in ``autonomy.vision.camera``: of each camera its place, its turn, its lens, its edges."""
 _COEFFICIENTS = {"pinhole": 5, "fisheye": 4}
@@ -41,6 +41,7 @@ def camera_view(
     ids = [] if sighting is None else sorted(tag.id for tag in sighting.tags)
     place = _place(rig, record.id)
     step, missing = _step(record, rig, is_placed=place is not None)
+    words = status.words or _size_fault(status, lens)
     refused = dict(status.refused)
     for reason, count in ({} if report is None else report.refused).items():
         refused[reason] = refused.get(reason, 0) + count
@@ -51,7 +52,7 @@ def camera_view(
         step=step,
         missing=missing,
         state=status.state,
-        words=status.words,
+        words=words,
         size=status.size,
         frames_per_s=0.0 if report is None else report.frames_per_s,
         pictures=0 if report is None else report.pictures,
@@ -60,7 +61,7 @@ def camera_view(
         restarts=status.restarts,
         seen_at=status.seen_at,
         tags=ids,
-        strangers=[one for one in ids if rig.registry.is_stranger(one)],
+        strangers=[one for one in ids if one not in LATENCY_IDS and rig.registry.is_stranger(one)],
         blur_px=status.blur_px,
         advice=status.advice,
         stand=stand.stand,
@@ -107,6 +108,14 @@ def _step(record: CameraRecord, rig: CameraRig, *, is_placed: bool) -> tuple[Set
     if not is_placed:
         return "pose", "Adjust the cameras: it is not placed yet."
     return "done", ""
+
+
+def _size_fault(status: CameraStatus, lens: CalibrationRecord | None) -> str:
+    """Return what is wrong with the size of a camera's pictures, empty where nothing is."""
+    if lens is None or status.size is None or lens_size(lens) == status.size:
+        return ""
+    (width, height), (now_width, now_height) = lens_size(lens), status.size
+    return f"Calibrated for {width} x {height}, sends {now_width} x {now_height}."
 
 
 def _lens_view(record: CalibrationRecord) -> LensView:
