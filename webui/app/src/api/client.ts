@@ -3,6 +3,7 @@ import type { components, paths } from './generated/station';
 import { AccessApi } from './access';
 import { done, newKey, of, told, versioned } from './call';
 import { AlarmApi } from './alarm';
+import { CameraApi } from './camera';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
 import { DecisionApi } from './decision';
@@ -96,6 +97,7 @@ export class Api {
   readonly notice = new NoticeApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
+  readonly camera = new CameraApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
   readonly alarm = new AlarmApi(this.#http);
   readonly water = new WaterApi(this.#http);

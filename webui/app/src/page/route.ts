@@ -22,6 +22,14 @@ export const PAGES = [
   { key: 'data', title: 'Data', letter: 'd', hasRobot: true, manual: 'data' },
   { key: 'log', title: 'Log', letter: 'l', hasRobot: false, manual: 'log-book' },
   { key: 'settings', title: 'Settings', letter: 's', hasRobot: false, manual: 'settings' },
+  {
+    key: 'camera',
+    title: 'Cameras',
+    letter: 'a',
+    hasRobot: false,
+    within: 'settings',
+    manual: 'cameras',
+  },
 ] as const;
 
 export type PageKey = (typeof PAGES)[number]['key'];
