@@ -10,6 +10,7 @@ REPRODUCTIONS: Mapping[str, str] = MappingProxyType(
     {
         "table-3.1": "tracking errors of three controllers in simulation, two trajectories",
         "table-3.3": "tracking errors of the tank trials, simulated with noise, two trajectories",
+        "table-3.3-cameras": "the same with poses by cameras over the tank: table-3.3 --cameras",
         "fig-3.3-cases": "how the pitch wins back horizontal distance, in four cases",
         "fig-3.10": "how slow or late the sliding mass must be for the pitch to oscillate",
         "table-4.1": "following a target by its range, with and without the barrier",

@@ -5,10 +5,12 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
+from autonomy.arrays import FloatArray
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif import kernel
 from autonomy.whatif.config import ControllerChoice, TrialConfig
-from autonomy.whatif.run import Trial, run_trial
+from autonomy.whatif.run import Trial, fly
+from autonomy.whatif.setting import packed_references
 from reproduction.contender import Contender, Gains
 from reproduction.result import Report
 
@@ -21,7 +23,7 @@ ERRORS = (
 """What ``Trial.errors`` holds, column by column, and its unit."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """One trial to run."""
 
@@ -29,6 +31,8 @@ class Job:
     contender: Contender
     gains: Gains
     seed: int
+    noise: FloatArray | None = None
+    """What is sensed is off by this, shape ``(n, 9)``; by default as the scenario draws it."""
 
 
 def run_jobs(jobs: Sequence[Job], report: Report) -> list[Trial]:
@@ -62,4 +66,5 @@ def with_actuator(scenario: TrialConfig, rate_share: float, delay_s: float) -> T
 
 def _run(job: Job) -> Trial:
     choice = ControllerChoice(job.contender.kind, job.contender.title, job.gains)
-    return run_trial(MINIGLIDER, job.scenario, choice, job.seed)
+    references = packed_references(MINIGLIDER, job.scenario)
+    return fly(MINIGLIDER, job.scenario, choice, job.seed, references, noise=job.noise)

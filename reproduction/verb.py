@@ -17,6 +17,8 @@ from reproduction.result import Reproduction, Row
 from reproduction.writer import write
 
 DEFAULT_SEED = 1
+CAMERAS = "-cameras"
+"""Ends the names of reproductions with cameras in them."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -35,6 +37,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         help=f"of every random number (default: {DEFAULT_SEED})",
     )
+    parser.add_argument(
+        "--cameras",
+        action="store_true",
+        help="with poses by cameras over the tank beside those of the thesis: table-3.3 alone",
+    )
     parser.add_argument("--list", action="store_true", help="name what can be reproduced")
 
 
@@ -42,12 +49,12 @@ def run(arguments: Namespace) -> int:
     """Work it out; progress goes to stderr, the table to stdout, files into the folder."""
     if arguments.list:
         for name, title in REPRODUCTIONS.items():
-            print(f"{name:14} {title}")
+            print(f"{name:17} {title}")
         return 0
     mistake = _mistake(arguments)
     if mistake:
         return _refuse(mistake, 2)
-    result = _work_out(arguments.name, arguments.seed)
+    result = _work_out(_name(arguments), arguments.seed)
     _print(result)
     if arguments.out is None:
         return 0
@@ -60,6 +67,10 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
+def _name(arguments: Namespace) -> str:
+    return f"{arguments.name}{CAMERAS}" if arguments.cameras else arguments.name
+
+
 def _mistake(arguments: Namespace) -> str:
     """Return what is wrong with the options, "" if nothing is."""
     names = ", ".join(REPRODUCTIONS)
@@ -67,6 +78,9 @@ def _mistake(arguments: Namespace) -> str:
         return f"Say which to reproduce: {names}."
     if arguments.name not in REPRODUCTIONS:
         return f"There is no {arguments.name!r}. There are: {names}."
+    if arguments.cameras and _name(arguments) not in REPRODUCTIONS:
+        able = ", ".join(name for name in REPRODUCTIONS if f"{name}{CAMERAS}" in REPRODUCTIONS)
+        return f"Cameras are only for {able}."
     if arguments.seed < 0:
         return "The seed must be 0 or greater."
     if arguments.out is not None and arguments.out.exists() and not arguments.out.is_dir():

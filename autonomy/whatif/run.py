@@ -1,7 +1,7 @@
 """One controller in one scenario on one seed."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,12 +89,16 @@ def fly(
     seed: int,
     references: FloatArray,
     flow: FlowTable | None = None,
+    noise: FloatArray | None = None,
 ) -> Trial:
     """Run as ``run_trial`` with references that were packed once for many runs, ``(n, 12)``.
 
-    The water flows as ``flow`` says, if it is given, else as the scenario does.
+    The water flows as ``flow`` says, if it is given, else as the scenario does; and what is sensed
+    is off by ``noise``, shape ``(n, 9)``, if that is given, else as the scenario draws it.
     """
     drawn = setting(vehicle, config, seed, references, flow)
+    if noise is not None:
+        drawn = replace(drawn, noise=noise)
     record, effort = fly_setting(vehicle, config, choice, drawn)
     state = record[:, kernel.STATE : kernel.INPUTS]
     prices = vehicle.energy.packed(vehicle.limits)
