@@ -43,6 +43,7 @@ AREAS = {
     "tags": "benchmarks.field.tags",
     "camera_detection": "benchmarks.vision.detection",
     "camera_fix": "benchmarks.vision.fix",
+    "own_camera": "benchmarks.vision.own_camera",
     "water": "benchmarks.planning.water",
     "base_map": "benchmarks.station.base_map",
     "expected_track": "benchmarks.flight.expected_track",

@@ -6,7 +6,7 @@ import numpy as np
 
 from autonomy.vision.calibration.board import BoardView, pose_of_board
 from autonomy.vision.camera import Camera
-from autonomy.vision.fix import Sighting
+from autonomy.vision.fix import Sighting, Telemetry
 from autonomy.vision.lens import Lens
 from autonomy.vision.onboard.own_camera import Mount, OwnCamera
 from autonomy.vision.onboard.own_fix import CAMERA
@@ -90,6 +90,13 @@ def look(
     camera = Camera(CAMERA, eye.lens, pose, port=eye.port)
     tags = [tag for tag in eye.tags if ids is None or tag.id in ids]
     return see([camera], tags, Pose.identity(), rng, index=eye.index)
+
+
+def said_by(body: Pose, rng: np.random.Generator) -> Telemetry:
+    """Return what the robot's own sensors say: tilt to 0.6 deg, depth to 5 mm."""
+    roll, pitch, _ = body.angles_rad
+    tilt = roll + rng.normal(0.0, 0.01), pitch + rng.normal(0.0, 0.01)
+    return Telemetry.of_tilt(*tilt, float(body.position_m[2] + rng.normal(0.0, 0.005)))
 
 
 def wet_board_views(eye: TrueEye, count: int, seed: int) -> list[BoardView]:

@@ -8,7 +8,7 @@ import pytest
 from autonomy.vision.calibration.board import BoardView
 from autonomy.vision.calibration.lens_fit import LensCalibration
 from autonomy.vision.calibration.refusal import Refusal
-from autonomy.vision.fix import Fix, NoFix, Telemetry
+from autonomy.vision.fix import Fix, NoFix
 from autonomy.vision.onboard.mount_fit import FittedMount, TurnView, fit_mount
 from autonomy.vision.onboard.own_camera import (
     AIR_LENS_REFUSED,
@@ -27,6 +27,7 @@ from tests.autonomy.vision.own_camera_tank import (
     drawn_eyes,
     facing_wall,
     look,
+    said_by,
     wet_board_views,
 )
 
@@ -37,13 +38,6 @@ DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0)
 @pytest.fixture(scope="module")
 def eyes() -> list[TrueEye]:
     return drawn_eyes(40, 7)
-
-
-def said_by(body: Pose, rng: np.random.Generator) -> Telemetry:
-    """Return what the robot's own sensors say: tilt to 0.6 deg, depth to 5 mm."""
-    roll, pitch, _ = body.angles_rad
-    tilt = roll + rng.normal(0.0, 0.01), pitch + rng.normal(0.0, 0.01)
-    return Telemetry.of_tilt(*tilt, float(body.position_m[2] + rng.normal(0.0, 0.005)))
 
 
 def errors_m(eyes, camera_of, distance_m, seed):
