@@ -20,6 +20,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "simulate": "start the simulated robots alone",
         "robot": "add, list, retire robots; run one's onboard program alone, against its nodes",
         "link": "listen to a link and say what to try, or list the links of the robots",
+        "camera": "look through a camera and say what it sees, or print tags and the board",
         "import": "take in a recorded deployment from CSV",
         "water": "make a water of files, or list the waters",
         "deployment": "list deployments, begin and end them, review and deliver their data",
@@ -50,7 +51,8 @@ EXTRAS: Mapping[str, tuple[str, str]] = MappingProxyType(
 _PRIVATE_MASK = 0o077
 """Database, logs, copies and secrets are for the station's user alone."""
 _WRITE_FOR_OTHERS = frozenset(
-    {"export", "audit", "design", "journal", "openapi", "coefficients", "compile"} | {*EXTRAS}
+    {"export", "audit", "design", "journal", "openapi", "coefficients", "compile", "camera"}
+    | {*EXTRAS}
 )
 _RUN_BY_THEMSELVES = frozenset({"demo", "serve", "simulate", "robot"})
 """What these change later is nobody's doing."""

@@ -1,0 +1,1 @@
+"""Plates with tags, and the calibration board, on paper in true size."""
