@@ -164,7 +164,7 @@ class Eye:
             SourceReport(
                 self._camera,
                 *told,
-                self._newest.pictures,
+                self._frame_number,
                 self._newest.dropped,
                 dict(self._refused),
                 self._size,

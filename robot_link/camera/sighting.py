@@ -97,11 +97,12 @@ class SourceReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     words: str
     """What is wrong, for a person; empty where nothing is."""
     pictures: int
-    """Taken since the process began."""
+    """Looked at since the process began: it does not grow while a camera is frozen, or sends what
+    is no picture."""
     dropped: int
-    """Of them, those that were dropped because a newer one waited."""
+    """Came besides and were not looked at, because a newer one waited."""
     refused: dict[str, int]
-    """Pictures that were not looked at, by reason."""
+    """Came besides and are no pictures, or the same again, by reason."""
     size: tuple[int, int] | None = None
     frames_per_s: float = 0.0
 
