@@ -1,6 +1,7 @@
 """The processes of all cameras: one each, started, told and ended as their records say."""
 
 import asyncio
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -10,12 +11,12 @@ from robot_link.camera.sighting import BoardView, Region, Sighting, SourceSettin
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.secret import CameraAccount
-from server.camera.boards import Boards
 from server.camera.calibrations import Calibrations, lens_size
 from server.camera.cameras import Cameras
 from server.camera.event import CameraChanged, PictureSeen
-from server.camera.pictures import Pictures
+from server.camera.picture.newest import Pictures
 from server.camera.rig import CameraRig
+from server.camera.set_up.boards import Boards
 from server.camera.status import CameraStatuses
 from server.camera.supervisor import Supervisor, Surroundings
 
@@ -51,6 +52,7 @@ class CameraProcesses:
         self._cameras, self._statuses, self._rig = cameras, statuses, rig
         self._calibrations, self._boards, self._pictures = calibrations, boards, pictures
         self._runs: dict[str, _Run] = {}
+        self._everywhere: Counter[str] = Counter()
         self._settling = asyncio.Lock()
         self._is_open = False
         self.config = CameraConfig()
@@ -99,7 +101,13 @@ class CameraProcesses:
     def set_regions(self, camera: str, regions: Sequence[Region]) -> None:
         """Say where in a camera's pictures robots are expected."""
         if camera in self._runs:
-            self._runs[camera].supervisor.set_regions(regions)
+            told = () if self._everywhere[camera] else regions
+            self._runs[camera].supervisor.set_regions(told)
+
+    def seek_everywhere(self, camera: str, wanted: bool) -> None:
+        """Have tags sought everywhere in a camera's pictures while somebody wants that."""
+        self._everywhere[camera] += 1 if wanted else -1
+        self.set_regions(camera, self._rig.regions(camera))
 
     def want_previews(self, camera: str, wanted: bool) -> None:
         """Say whether somebody looks through a camera."""
@@ -153,7 +161,7 @@ class CameraProcesses:
     def _begun(self, settings: SourceSettings) -> _Run:
         camera = settings.camera
         supervisor = Supervisor(settings, self._statuses.of(camera), self._around)
-        supervisor.set_regions(self._rig.regions(camera))
+        supervisor.set_regions(() if self._everywhere[camera] else self._rig.regions(camera))
         supervisor.want_previews(self._pictures.is_wanted(camera))
         start = self._foundation.background.start
         tasks = (

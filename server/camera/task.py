@@ -9,15 +9,15 @@ from autonomy.vision.tag import Layout
 from robot_link.camera.sighting import BoardCorner, Sighting
 from server.camera.used_rig import Document, UsedRig
 
-MISSING_BOARDS: Final = "server.camera.vision_task:missing_boards"
+MISSING_BOARDS: Final = "server.camera.set_up.vision_task:missing_boards"
 """Takes a ``LensProblem``, leaves what views are missing, in words."""
-LENS: Final = "server.camera.vision_task:lens"
+LENS: Final = "server.camera.set_up.vision_task:lens"
 """Takes a ``LensProblem``, leaves ``Found`` or a ``Refusal``."""
-ADJUST: Final = "server.camera.vision_task:adjust_all"
+ADJUST: Final = "server.camera.set_up.vision_task:adjust_all"
 """Takes an ``AdjustProblem``, leaves ``Found`` or a ``Refusal``."""
-READJUST: Final = "server.camera.vision_task:readjust"
+READJUST: Final = "server.camera.set_up.vision_task:readjust"
 """Takes a ``ReadjustProblem``, leaves ``Found`` or a ``Refusal``."""
-ACCURACY: Final = "server.camera.vision_task:accuracy"
+ACCURACY: Final = "server.camera.set_up.vision_task:accuracy"
 """Takes an ``AdjustProblem``, leaves a document."""
 WATCH: Final = "server.camera.watch_task:watch"
 """Takes a ``WatchProblem``, leaves what a ``Watched`` holds."""

@@ -86,11 +86,11 @@ class Boards:
         self._foundation.feed.mark("cameras")
         return {"number": self._numbers[camera], "corners": len(view.corners)}
 
-    async def remove(self, camera: str, number: int | None, kind: LensKind) -> None:
+    async def remove(self, camera: str, number: int | None) -> None:
         """Forget one picture of the board, or all."""
         kept = [one for one in self._shots[camera] if number is not None and one.number != number]
         self._shots[camera] = kept
-        await self._judge(camera, kind)
+        await self._judge(camera, "pinhole")
         self._foundation.feed.mark("cameras")
 
     def drop(self, camera: str) -> None:

@@ -9,8 +9,8 @@ from server.access.dependency import Viewer
 from server.base.dependency import service
 from server.base.problem import Problem
 from server.camera.cameras import Cameras
-from server.camera.marks import Marks, marked
-from server.camera.pictures import Picture, Pictures
+from server.camera.picture.marks import Marks, marked
+from server.camera.picture.newest import Picture, Pictures
 from server.camera.rig import CameraRig
 from server.camera.status import CameraStatus, CameraStatuses
 

@@ -1,0 +1,1 @@
+"""What cameras show: now, with marks, and kept only where a pilot says so."""

@@ -1,0 +1,1 @@
+"""Setting cameras up: lens, place and latency, as jobs whose heavy part runs in workers."""
