@@ -34,6 +34,15 @@ def test_cameras_tell_the_pose_far_better_than_the_poses_of_the_thesis(sets):
         assert each.found > 0.95
 
 
+def test_fixes_from_drawn_pictures_are_off_by_as_much_as_those_from_drawn_corners(sets):
+    pytest.importorskip("pyapriltags")
+    drawn = sets["diagonal"]
+    assert len(drawn.in_pictures) >= 0.9 * table_3_3_cameras.PICTURED
+    by_corners = np.sqrt(np.mean(drawn.off[..., :2] ** 2))
+    by_pictures = np.sqrt(np.mean(drawn.in_pictures[:, :2] ** 2))
+    assert 0.4 * by_corners < by_pictures < 2.5 * by_corners
+
+
 def test_with_better_poses_no_controller_is_farther_off(sets):
     for each in sets.values():
         by_poses = each.by_poses[:, :, HORIZONTAL].mean(axis=1)
