@@ -550,6 +550,16 @@ _HOUSEKEEPING = (
         help="What the depth sensor reads at the surface, taken off every depth since it was"
         " zeroed.",
     ),
+    _condition(
+        "off_cameras",
+        "Off, by cameras",
+        "m",
+        79,
+        low=0.0,
+        high=1e4,
+        help="How far the robot's own estimate is from where cameras saw it at that moment; told"
+        " by the station.",
+    ),
 )
 
 _SALT = ("conductivity", "temperature", "pressure")

@@ -1,20 +1,25 @@
 """What follows from a fix: it is sent to its robot, and held against what that says."""
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Final
 
 from robot_link.camera.fix import CameraFix
 from robot_link.messages import RobotId, StateReport
+from robot_link.report import Reading
 from server.base.foundation import Foundation
 from server.fix.comparison import Apart, Disagreement, compared
 from server.fix.event import FixFound
 from server.fix.fusion import Fusion
+from server.fix.gathering import Pace
 from server.fix.records import FixRecords
 from server.fleet.fleet import Fleet
 from server.link.event import StateReported
 from server.link.radios import Radios
 
+OFF_CAMERAS: Final = "off_cameras"
+"""Channel of the distance between a robot's own estimate and a fix."""
+_ERROR_PERIOD: Final = timedelta(seconds=1)
 CAUSE: Final = "fix:disagreement"
 
 
@@ -30,11 +35,11 @@ class FixFollowing:
         radios: Radios,
     ) -> None:
         self._alarms, self._background = foundation.alarms, foundation.background
+        self._clock = foundation.clock
         self._fleet, self._fusion, self._records, self._radios = fleet, fusion, records, radios
         self._newest: dict[RobotId, CameraFix] = {}
         self._disagreements: dict[RobotId, Disagreement] = {}
-        self.apart: dict[RobotId, Apart] = {}
-        """How far each robot was last from where cameras saw it."""
+        self._paces: dict[RobotId, Pace] = {}
 
     def take_fix(self, event: FixFound) -> None:
         """Send a fix that was taken, and compare it with what the robot said."""
@@ -63,7 +68,10 @@ class FixFollowing:
         apart = compared(state, fix)
         if apart is None:
             return
-        self.apart[fix.robot] = apart
+        if self._paces.setdefault(fix.robot, Pace(_ERROR_PERIOD)).lets(apart.at):
+            self._records.take_error(
+                Reading(fix.robot, OFF_CAMERAS, apart.distance_m, apart.at, self._clock.now())
+            )
         watch = self._disagreements.setdefault(fix.robot, Disagreement())
         raises = watch.take(apart, has_fix=state.has_fix)
         if raises is not None:

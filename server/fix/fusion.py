@@ -81,8 +81,12 @@ class Fusion:
 
     def sight(self, robot: str) -> CameraSight | None:
         """Return what cameras know of a robot, None where it has no link by cameras."""
-        self._know_links()
         return self._sights.get(RobotId(robot))
+
+    def newest(self, robot: str) -> CameraFix | None:
+        """Return the newest fix of a robot that was not refused; may be asked by any thread."""
+        sight = self._sights.get(RobotId(robot))
+        return None if sight is None else sight.newest
 
     def uri(self, robot: str) -> str | None:
         """Return the link by which cameras see a robot, None where it has none or is unplugged."""

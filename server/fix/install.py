@@ -23,7 +23,7 @@ def install(foundation: Foundation) -> None:
     fusion = services.add(
         Fusion(foundation, fleet, services.get(DisabledLinks), services.get(CameraRig))
     )
-    records = services.add(FixRecords(foundation.store, foundation.clock, bus))
+    records = services.add(FixRecords(foundation.store, foundation.clock, bus, fleet))
     following = services.add(FixFollowing(foundation, fleet, fusion, records, services.get(Radios)))
     bus.subscribe(PictureSeen, fusion.take)
     bus.subscribe(RigChanged, lambda _: fusion.rig_changed())

@@ -13,8 +13,11 @@ from db.query.camera.fixes import FixRecord, mark_sent
 from db.store import Store
 from robot_link.camera.fix import CameraFix
 from robot_link.clock import Clock
+from robot_link.report import Reading
 from server.base.event_bus import EventBus
 from server.fix.event import FixesStored, FixFound
+from server.fleet.fleet import Fleet
+from server.link.event import ReadingsStored, ValuesStored
 
 log = logging.getLogger(__name__)
 _SENT_PERIOD_S: Final = 0.5
@@ -27,8 +30,8 @@ class FixRecords:
     While storage fails, they wait in memory as all telemetry does (``db.writer``).
     """
 
-    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
-        self._store = store
+    def __init__(self, store: Store, clock: Clock, bus: EventBus, fleet: Fleet) -> None:
+        self._store, self._fleet = store, fleet
         self._clock = clock
         self._bus = bus
         self._sent: list[tuple[CameraFix, datetime]] = []
@@ -43,6 +46,18 @@ class FixRecords:
 
         record = FixRecord(fix, self._clock.now(), None)
         self._store.append([record]).add_done_callback(written)
+
+    def take_error(self, reading: Reading) -> None:
+        """Keep how far a robot is from where cameras saw it, as a reading of it."""
+        loop = asyncio.get_running_loop()
+
+        def written(future: "Future[None]") -> None:
+            if not loop.is_closed() and future.exception() is None:
+                told = ReadingsStored([reading]), ValuesStored(reading.robot)
+                loop.call_soon_threadsafe(self._bus.publish, *told)
+
+        self._fleet.take_reading(reading)
+        self._store.append([reading]).add_done_callback(written)
 
     def note_sent(self, fix: CameraFix, at: datetime) -> None:
         """Note that a fix was sent to its robot."""

@@ -381,6 +381,10 @@ class Fleet:
         is_over = report.phase is TargetPhase.ENDED
         return is_over or self.age_s(report.measured_at) > self.limit_s(_POSITION_LIMIT_S)
 
+    def now(self) -> datetime:
+        """Return the time of the station's clock."""
+        return self._clock.now()
+
     def age_s(self, moment: datetime) -> float:
         """Return how old something is by the station's clock."""
         return max(0.0, (self._clock.now() - moment).total_seconds())

@@ -12,6 +12,7 @@ from autonomy.frames import LocalGeodetic
 from autonomy.seawater import MEASURED
 from autonomy.site import Site
 from db.deployment_span import Period
+from db.query.camera.fixes import FixRecord, newest_fix
 from db.query.fleet.deployments import DeploymentRecord, deployment_at
 from db.query.log_book.told import GROUP_OF
 from db.query.measured.maps import map_times
@@ -47,6 +48,8 @@ class RobotThen:
     maps: list[tuple[int, str, str, datetime]]
     """Key, variable, model and moment of the newest that was kept of each."""
     beside: Beside
+    fix: FixRecord | None
+    """The newest by cameras that was not refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +113,7 @@ def robot_then(
         alarms=alarms_standing_at(session, robot, at, _ALARMS_MAX),
         maps=sorted(newest.values(), key=lambda one: one[3], reverse=True),
         beside=beside(session, robot, at, LOGGED),
+        fix=newest_fix(session, robot, is_taken=True, at=at, heard_by=at if heard else None),
     )
 
 

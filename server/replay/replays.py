@@ -12,6 +12,7 @@ from db.query.measured.moment import told_columns
 from db.record import same
 from robot_link.messages import RobotId
 from server.base.foundation import Foundation
+from server.fix.view import fix_view
 from server.fleet.fleet import Fleet
 from server.fleet.view import DeploymentBriefView
 from server.replay.moment import (
@@ -124,6 +125,7 @@ class Replays:
             channels=channels,
             untold=sorted(key for key in known.undated if key in catalogue),
             position=None if place is None else position_then(place, then.site, then.at),
+            fix=None if then.fix is None else fix_view(then.fix),
             mode=None if known.mode is None else known.mode.name.lower(),
             mode_at=known.mode_at,
             plan=None if plan is None else PlanThenView(plan.id, plan.state, then.leg),

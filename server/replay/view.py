@@ -7,6 +7,7 @@ from typing import Annotated
 from autonomy.channel import ALARM_LEVELS
 from robot_link.messages import RobotMode
 from server.base.view import View, name_of, one_of
+from server.fix.view import FixView
 from server.fleet.view import ChannelView, DeploymentBriefView, PositionView
 
 ClockName = Annotated[str, one_of("measured", "received")]
@@ -76,6 +77,8 @@ class RobotThenView(View):
     untold: list[str]
     """Channels that are left out because it is not kept when their values arrived."""
     position: PositionView | None
+    fix: FixView | None
+    """Where cameras had found it last; ``null`` where they never did."""
     mode: Annotated[str, name_of(RobotMode)] | None
     """What it was doing; ``null`` where it never said."""
     mode_at: datetime | None

@@ -2,16 +2,20 @@
 
 import math
 from collections.abc import Mapping
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.estimation.prediction import ellipse_90
 from db.query.mission.plans import ENDED_STATES
 from db.record import same
+from robot_link.camera.fix import CameraFix
 from robot_link.messages import StateReport
+from server.camera.used_rig import UsedRig
 from server.fleet.status import PlanInHand
-from webui.scene.source import BandView, PlanView, Pose
+from webui.scene.source import BandView, CameraFixView, CameraView, PlanView, Pose
 
 
 def pose_of(state: StateReport, *, is_old: bool) -> Pose:
@@ -84,3 +88,40 @@ def _band_view(told: Mapping[str, Any] | None) -> BandView | None:
         surfacing_axes_m=np.array([one["ellipse_m"] for one in ups]).reshape(-1, 2),
         surfacing_rad=np.array([one["ellipse_rad"] for one in ups], dtype=np.float64),
     )
+
+
+FIX_SHOWN = timedelta(minutes=10)
+"""An older place by cameras is not drawn."""
+_FIX_NEW = timedelta(seconds=2)
+"""A younger one needs no time in its label."""
+_UPWARD = 1e-3
+_UPWARD_M = 1.0
+
+
+def camera_fix_view(fix: CameraFix, at: datetime) -> CameraFixView | None:
+    """Return where cameras saw a robot as it is drawn at a moment; nothing if that is long ago."""
+    age = at - fix.measured_at
+    if age > FIX_SHOWN:
+        return None
+    xx, xy, _, yy, _, _ = fix.covariance_m2
+    axes, direction = ellipse_90(np.array([[xx, xy], [xy, yy]]))
+    many = len(fix.cameras)
+    cameras = "a camera" if many == 1 else f"{many} cameras"
+    when = "" if age <= _FIX_NEW else f" at {fix.measured_at:%H:%M:%SZ}"
+    return CameraFixView(fix.ned_m, axes, direction, f"seen by {cameras}{when}")
+
+
+def camera_views(rig: UsedRig) -> tuple[CameraView, ...]:
+    """Return what each camera that is used looks at, down to the water's surface."""
+    views: list[CameraView] = []
+    for camera in rig.result["cameras"]:
+        if camera["id"] not in rig.cameras:
+            continue
+        eye = np.array(camera["position_m"])
+        rays = np.array(camera["corner_rays"]) @ np.array(camera["rotation"]).T  # (4, 3), NED
+        height_m = rig.level_m - eye[2]
+        meets = rays[:, 2] > _UPWARD
+        reach = np.where(meets, height_m / np.where(meets, rays[:, 2], 1.0), _UPWARD_M)
+        north, east, down = eye.tolist()
+        views.append(CameraView(camera["id"], (north, east, down), eye + reach[:, None] * rays))
+    return tuple(views)

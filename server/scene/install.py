@@ -3,6 +3,8 @@
 from robot_link.messages import RobotId
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
+from server.camera.rig import CameraRig
+from server.fix.fusion import Fusion
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
 from server.prediction.predictions import Predictions
@@ -24,11 +26,12 @@ def install(foundation: Foundation) -> None:
     fleet, maps = services.get(Fleet), services.get(FieldMaps)
     vehicles, shown = services.get(Vehicles), services.get(WhatIfs).shown
     predictions = services.get(Predictions)
+    fusion, rig = services.get(Fusion), services.get(CameraRig)
 
     def source_of(robot: RobotId) -> SceneSource | None:
         if not fleet.knows(robot):
             return None
-        return StationSceneSource(robot, fleet, maps, vehicles, shown, predictions)
+        return StationSceneSource(robot, fleet, maps, vehicles, shown, predictions, fusion, rig)
 
     scenes = services.add(SceneHost(source_of, lambda robot: foundation.feed.mark("view", robot)))
     foundation.lifetime.on_stop(scenes.stop)

@@ -15,6 +15,7 @@ from autonomy.field.fidelity import fidelity_level
 from autonomy.site import Area, Site
 from autonomy.vehicle.hull import Hull
 from db.deployment_span import Period
+from db.query.camera.fixes import newest_fix
 from db.query.fleet.deployments import deployment_at
 from db.query.fleet.robots import RobotRecord
 from db.query.measured.maps import get_maps, map_times
@@ -26,8 +27,10 @@ from server.fleet.status import PlanInHand
 from server.fleet.trail import DRIFT_MODES
 from server.map.record import view_of
 from server.plan.ledger import in_hand
-from server.scene.drawing import plan_view, target_path
+from server.scene.drawing import camera_fix_view, plan_view, target_path
 from webui.scene.source import (
+    CameraFixView,
+    CameraView,
     ComparisonView,
     MapView,
     PlanView,
@@ -109,6 +112,8 @@ class Moment:
     leg: int | None
     maps: tuple[MapView, ...]
     """The newest kept of each model of one variable until then, the newest first."""
+    camera_fix: CameraFixView | None = None
+    """Where cameras had seen the robot."""
 
 
 def moment_of(
@@ -135,6 +140,7 @@ def moment_of(
     if plan is not None and plan.sha256 is not None and plan.state == "running":
         leg = leg_flown(session, robot, plan.sha256, at)
     maps = [known_map(key) for key in newest_maps(recorded, at)]
+    fix = newest_fix(session, robot, is_taken=True, at=at, heard_by=heard_by)
     return Moment(
         at=at,
         clock=clock,
@@ -142,6 +148,7 @@ def moment_of(
         plan=None if plan is None else in_hand(plan),
         leg=leg,
         maps=tuple(one for one in maps if one is not None),
+        camera_fix=None if fix is None else camera_fix_view(fix.fix, at),
     )
 
 
@@ -259,6 +266,14 @@ class ReplaySource:
     def predicted(self) -> PredictedView | None:
         """Return nothing: what was predicted then is not kept."""
         return None
+
+    def camera_fix(self) -> CameraFixView | None:
+        """Return where cameras had seen the robot."""
+        return None if self._moment is None else self._moment.camera_fix
+
+    def camera_views(self) -> tuple[CameraView, ...]:
+        """Return nothing: where cameras hung then is not drawn."""
+        return ()
 
     def known(self) -> IntArray:
         """Return which points of the track were known at the moment, by their places in it."""

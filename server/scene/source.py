@@ -9,14 +9,26 @@ from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId
 from robot_link.report import TargetReport
+from server.camera.rig import CameraRig
+from server.camera.used_rig import UsedRig
+from server.fix.fusion import Fusion
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps
 from server.prediction.predictions import PredictedPath, Predictions
-from server.scene.drawing import plan_view, pose_of, target_depth_m, target_path
+from server.scene.drawing import (
+    camera_fix_view,
+    camera_views,
+    plan_view,
+    pose_of,
+    target_depth_m,
+    target_path,
+)
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
+    CameraFixView,
+    CameraView,
     ComparisonView,
     MapView,
     PlanView,
@@ -43,6 +55,8 @@ class StationSceneSource:
         vehicles: Vehicles,
         whatifs: ShownWhatIfs,
         predictions: Predictions,
+        fusion: Fusion,
+        rig: CameraRig,
     ) -> None:
         self._robot = robot
         self._fleet = fleet
@@ -50,7 +64,11 @@ class StationSceneSource:
         self._vehicles = vehicles
         self._whatifs = whatifs
         self._predictions = predictions
+        self._fusion, self._rig = fusion, rig
         self._predicted: PredictedView | None = None
+        self._camera_fix: CameraFixView | None = None
+        self._views_of: UsedRig | None = None
+        self._camera_views: tuple[CameraView, ...] = ()
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
         self._kept_out_by: PlanInHand | None = None
         self._keep_outs: tuple[Area, ...] = ()
@@ -101,6 +119,22 @@ class StationSceneSource:
         if self._predicted is None or _looks_otherwise(view, self._predicted):
             self._predicted = view
         return self._predicted
+
+    def camera_fix(self) -> CameraFixView | None:
+        """Return where cameras saw the robot last, anew once that looks otherwise."""
+        fix = self._fusion.newest(self._robot)
+        view = None if fix is None else camera_fix_view(fix, self._fleet.now())
+        if view != self._camera_fix:
+            self._camera_fix = view
+        return self._camera_fix
+
+    def camera_views(self) -> tuple[CameraView, ...]:
+        """Return what the cameras look at that robots are found by."""
+        rig = self._rig.rig
+        if rig is not self._views_of:
+            self._views_of = rig
+            self._camera_views = () if rig is None else camera_views(rig)
+        return self._camera_views
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""

@@ -12,6 +12,8 @@ from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
 from webui.scene.source import (
     BandView,
+    CameraFixView,
+    CameraView,
     ComparisonTrack,
     ComparisonView,
     MapView,
@@ -49,6 +51,8 @@ class FakeSource:
         self.shown_comparison: ComparisonView | None = None
         self.areas: tuple[Area, ...] = ()
         self.silent: PredictedView | None = None
+        self.seen: CameraFixView | None = None
+        self.cameras: tuple[CameraView, ...] = ()
         self.followed: TargetView | None = None
         self.followed_path: np.ndarray | None = None
         self.sampled = SampleView(
@@ -69,6 +73,12 @@ class FakeSource:
 
     def predicted(self) -> PredictedView | None:
         return self.silent
+
+    def camera_fix(self) -> CameraFixView | None:
+        return self.seen
+
+    def camera_views(self) -> tuple[CameraView, ...]:
+        return self.cameras
 
     def track_since(self, cursor: int) -> TrackPiece:
         points = self.track_ned[cursor:]

@@ -51,6 +51,8 @@ TARGET_TRUE: Colour = (236, 240, 244)
 TARGET_OLD: Colour = ROBOT_OLD
 PREDICTED: Colour = (233, 196, 255)
 """Where a robot that is not heard should be; its own word has another colour."""
+BY_CAMERA: Colour = (255, 122, 190)
+"""Where cameras over the water saw the robot: nobody's estimate but theirs."""
 BAND: Colour = (110, 196, 186)
 """Where most flights of a rehearsal were; bluish green, so that it is no uncertainty of the robot's
 own and no current."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.frames import ned_to_enu
+from autonomy.planner.plan import PositionNed
 from webui.scene.colour import PREDICTED
 from webui.scene.comparison import dashes
 from webui.scene.source import PredictedView, SceneSource
@@ -50,7 +51,7 @@ class Predicted:
 
     def _draw(self, view: PredictedView) -> None:
         place = np.array(view.position_ned)
-        ring = _ellipse_ned(view)
+        ring = ellipse_ned(view.position_ned, view.ellipse_m, view.ellipse_rad)
         self._dashed(_WAY, view.way_ned, _DASHES)
         self._dashed(_ELLIPSE, ring, _ELLIPSE_DASHES)
         top = np.array([place[0], place[1], 0.0])
@@ -69,11 +70,17 @@ class Predicted:
         self._stage.remove_label(_LABEL)
 
 
-def _ellipse_ned(view: PredictedView) -> FloatArray:
-    """Return the outline of the ellipse at the predicted depth, shape ``(n, 3)``, m."""
-    (long_m, short_m), turn = view.ellipse_m, view.ellipse_rad
+def ellipse_ned(place_ned: PositionNed, axes_m: tuple[float, float], turn_rad: float) -> FloatArray:
+    """Return the outline of a level ellipse about a place, shape ``(n, 3)``, m.
+
+    Args:
+        place_ned: Its middle.
+        axes_m: Half axes, the longer first.
+        turn_rad: Direction of the longer one, from north towards east.
+    """
+    (long_m, short_m), turn = axes_m, turn_rad
     angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
     along, across = long_m * np.cos(angle), short_m * np.sin(angle)
     north = along * np.cos(turn) - across * np.sin(turn)
     east = along * np.sin(turn) + across * np.cos(turn)
-    return np.array(view.position_ned) + np.stack([north, east, np.zeros(_POINTS)], axis=-1)
+    return np.array(place_ned) + np.stack([north, east, np.zeros(_POINTS)], axis=-1)

@@ -6,6 +6,7 @@ import numpy as np
 from viser.infra import StateSerializer
 
 from autonomy.frames import ned_to_enu
+from webui.scene.camera import CameraFix, CameraViews
 from webui.scene.comparison import Comparison
 from webui.scene.door import PrivateServer
 from webui.scene.field_map import FieldMap
@@ -57,6 +58,8 @@ class RobotScene:
         self._bed = LakeBed(self._stage, source.site)
         self._comparison = Comparison(self._stage, source)
         self._predicted = Predicted(self._stage, source)
+        self._camera_fix = CameraFix(self._stage, source)
+        self._camera_views = CameraViews(self._stage, source)
         self._is_framed = False
         layers = {
             "map": LayerEntry("Map", self._map),
@@ -69,6 +72,8 @@ class RobotScene:
             "rehearsal": LayerEntry("Rehearsed track", self._plan.rehearsal),
             "target": LayerEntry("Target", self._target),
             "predicted": LayerEntry("Predicted place", self._predicted),
+            "camera_fix": LayerEntry("Seen by cameras", self._camera_fix),
+            "cameras": LayerEntry("What cameras look at", self._camera_views),
             "keep_outs": LayerEntry("Keep-outs", self._keep_outs),
             "floor": LayerEntry("Shore and floor", self._bed),
             "what_if": LayerEntry("What-if", self._comparison),
@@ -113,6 +118,8 @@ class RobotScene:
             self._keep_outs.update()
             self._target.update()
             self._predicted.update()
+            self._camera_fix.update()
+            self._camera_views.update()
             if self._comparison.update():
                 self._frame()
             self._map.update()

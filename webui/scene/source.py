@@ -196,6 +196,28 @@ class PredictedView:
     label: str
 
 
+@dataclass(frozen=True, slots=True)
+class CameraFixView:
+    """Where cameras saw the robot last."""
+
+    position_ned: PositionNed
+    ellipse_m: tuple[float, float]
+    """Half axes of the ellipse that holds it with 90 %, the longer first."""
+    ellipse_rad: float
+    """Direction of the longer one, from north towards east."""
+    label: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraView:
+    """What a camera over the water looks at."""
+
+    name: str
+    eye_ned: PositionNed
+    corners_ned: FloatArray
+    """Where the rays of the picture's corners meet the water, shape ``(4, 3)``, m."""
+
+
 class SceneSource(Protocol):
     """Everything the scene shows of one robot; cheap enough to be polled at 10 Hz."""
 
@@ -233,6 +255,17 @@ class SceneSource(Protocol):
 
         The same object as long as nothing about it changed.
         """
+        ...
+
+    def camera_fix(self) -> CameraFixView | None:
+        """Return where cameras saw the robot last, ``None`` where they never did.
+
+        The same object as long as nothing about it changed.
+        """
+        ...
+
+    def camera_views(self) -> tuple[CameraView, ...]:
+        """Return what each camera looks at; the same object as long as nothing changed."""
         ...
 
     def track_since(self, cursor: int) -> TrackPiece:

@@ -1,6 +1,6 @@
 """Where cameras found robots."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -105,8 +105,41 @@ def list_fixes(
     return [_record(row, robot) for row in rows]
 
 
-def newest_fix(session: Session, robot: str, *, is_taken: bool = False) -> FixRecord | None:
-    """Return the newest fix of a robot; with ``is_taken`` the newest that was not refused.
+def iterate_fixes(
+    session: Session, robot: str, start: datetime, end: datetime | None
+) -> Iterator[FixRecord]:
+    """Yield the fixes of a robot from ``start`` to ``end``, in order of time.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    where = [
+        CameraFixRow.robot_key == robot_key(session, robot),
+        CameraFixRow.measured_at >= start,
+    ]
+    if end is not None:
+        where.append(CameraFixRow.measured_at <= end)
+    statement = select(CameraFixRow).where(*where).order_by(CameraFixRow.measured_at)
+    for row in session.scalars(statement.execution_options(yield_per=1000)):
+        yield _record(row, robot)
+
+
+def newest_fix(
+    session: Session,
+    robot: str,
+    *,
+    is_taken: bool = False,
+    at: datetime | None = None,
+    heard_by: datetime | None = None,
+) -> FixRecord | None:
+    """Return the newest fix of a robot.
+
+    Args:
+        session: A reading session.
+        robot: Whose.
+        is_taken: Whether those that were refused do not count.
+        at: Later ones do not count; None for no limit.
+        heard_by: Those that the station had later do not count; None for no limit.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -114,6 +147,10 @@ def newest_fix(session: Session, robot: str, *, is_taken: bool = False) -> FixRe
     statement = select(CameraFixRow).where(CameraFixRow.robot_key == robot_key(session, robot))
     if is_taken:
         statement = statement.where(CameraFixRow.quality != "refused")
+    if at is not None:
+        statement = statement.where(CameraFixRow.measured_at <= at)
+    if heard_by is not None:
+        statement = statement.where(CameraFixRow.received_at <= heard_by)
     row = session.scalar(statement.order_by(CameraFixRow.measured_at.desc()).limit(1))
     return None if row is None else _record(row, robot)
 

@@ -1,6 +1,7 @@
 """Robots that cameras see: found, kept, told to the robots, held against what they say."""
 
 import asyncio
+import csv
 import os
 import signal
 from datetime import timedelta
@@ -16,6 +17,7 @@ from server.camera.rig import CameraRig
 from server.fix.event import FixFound
 from server.fix.follow import CAUSE
 from server.fix.fusion import Fusion
+from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
 from tests.autonomy.vision.tank import ROBOT
 from tests.server.conftest import MINI, open_station, until
@@ -214,6 +216,31 @@ async def test_a_robot_that_contradicts_the_cameras_raises_an_alarm_until_it_agr
     await filming.until_found(ROBOT.tags, HERE, agree)
 
 
+async def test_how_far_a_robot_is_off_is_a_channel_of_its_own(
+    client, station, world, filming, foundation
+):
+    def off():
+        place = HERE.position_m + np.array([0.0, 0.04, 0.0])
+        world.tell(state_report(MINI, tuple(place.tolist()), foundation.clock.now()))
+        return station.fleet.status(MINI).readings.get("off_cameras")
+
+    told = await filming.until_found(ROBOT.tags, HERE, off)
+    assert told.value == pytest.approx(0.04, abs=0.01)
+    state = (await client.get("/api/robots/mini-1/state")).json()
+    assert state["channels"]["off_cameras"]["unit"] == "m"
+
+
+async def test_a_replay_tells_where_cameras_had_seen_the_robot(client, filming, foundation):
+    rows = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    first = rows[0]
+    at = {"at": first["measured_at"], "clock": "measured"}
+    then = (await client.get("/api/robots/mini-1/moment", params=at)).json()
+    assert then["fix"]["measured_at"] == first["measured_at"]
+    at["clock"] = "received"
+    before_it_came = (await client.get("/api/robots/mini-1/moment", params=at)).json()
+    assert before_it_came["fix"] is None
+
+
 async def test_a_finding_process_that_dies_costs_a_moment_and_comes_back(
     client, filming, foundation
 ):
@@ -236,3 +263,17 @@ async def test_kept_fixes_outlive_the_station(tmp_path, world, client, filming):
     async with open_station(tmp_path, world) as again:
         kept = await again.foundation.store.query(lambda session: list_fixes(session, "mini-1"))
     assert len(kept) >= len(rows)
+
+
+async def test_fixes_of_a_deployment_are_exported_with_their_reasons(client, filming, foundation):
+    rows = await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    status = foundation.services.get(Fleet).status(MINI)
+    path = f"/api/deployments/{status.deployment.id}/export"
+    answer = await client.get(path, params={"format": "fixes"})
+    assert answer.status_code == 200, answer.text
+    lines = [line for line in answer.text.splitlines() if not line.startswith("#")]
+    written = list(csv.DictReader(lines))
+    assert len(written) >= len(rows)
+    assert float(written[0]["north_m"]) == pytest.approx(rows[0]["ned_m"][0], abs=1e-4)
+    assert written[0]["cameras"] == "tank-1;tank-2;tank-3"
+    assert written[0]["quality"] == "good"

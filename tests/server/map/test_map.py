@@ -13,6 +13,8 @@ from db.query.fleet.robots import add_robot
 from db.query.measured.maps import MapRecord, add_map
 from db.query.measured.samples import SampleColumns
 from robot_link.messages import RobotId
+from server.camera.rig import CameraRig
+from server.fix.fusion import Fusion
 from server.map.grid import grid_of
 from server.map.site_map import Seen, SiteMap
 from server.prediction.predictions import Predictions
@@ -222,13 +224,16 @@ async def test_recorded_robot_shows_the_map_that_its_import_kept(client, station
 
 
 async def test_scene_draws_pose_track_plan_and_map_of_the_same_robot(client, station, world):
+    services = station.foundation.services
     source = StationSceneSource(
         MINI,
         station.fleet,
         station.maps,
         station.vehicles,
         station.whatifs.shown,
-        station.foundation.services.get(Predictions),
+        services.get(Predictions),
+        services.get(Fusion),
+        services.get(CameraRig),
     )
     world.tell(state_report(MINI, (1.3, 0.7, 0.4)))
     assert source.pose().position_ned == (1.3, 0.7, 0.4)
