@@ -4,17 +4,18 @@ A node (``onboard.node.server``) whose device is the whole simulation:
 
 | question | values | answer |
 |---|---|---|
-| cause | robot, fault (a name of ``CAUSED_FAULTS``), by (who asks; may be left out) | |
+| cause | robot, fault (one of its kinds), by (who asks; may be left out) | |
 | mend | the same | |
 
 Topic ``faults``: every robot with the faults that it can have, by name: title, words, since (when
-it came, ISO 8601; null while it has not), by, and needs_hands. It is published on each change.
+it came, ISO 8601; null while it has not), by, and needs_hands. It is published on each change. What
+is called a robot here may also be an emulated camera, or the tank below it.
 """
 
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Protocol
@@ -23,7 +24,7 @@ from onboard.node.server import NodeServer
 from onboard.node.wire import Content, NodeError, NodeFault
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
-from simulator.fault import CAUSED_FAULTS, RobotFaults, begin_of
+from simulator.fault import FaultKind
 
 FAULTS = "faults"
 _LOOK_S = 0.1
@@ -33,16 +34,15 @@ _log = logging.getLogger(__name__)
 
 
 class Faulty(Protocol):
-    """A robot with which something may go wrong while it lives."""
+    """A robot, a camera or a tank with which something may go wrong while it lives."""
 
     @property
-    def faults(self) -> RobotFaults:
-        """What is wrong with it, and from when on."""
+    def fault_kinds(self) -> Mapping[str, FaultKind]:
+        """What may be wrong with it, by name."""
         ...
 
-    @property
-    def fault_names(self) -> tuple[str, ...]:
-        """Which of ``CAUSED_FAULTS`` it can have."""
+    def begin_s(self, name: str) -> float:
+        """Return when a fault comes, of its life; infinity if it does not."""
         ...
 
     @property
@@ -68,7 +68,8 @@ class Faulty(Protocol):
 class FaultNews:
     """A fault that came, or that was undone."""
 
-    robot: RobotId
+    robot: RobotId | None
+    """Whose it is; None where it is no robot's."""
     text: str
     """One sentence."""
     is_over: bool = False
@@ -99,23 +100,30 @@ class FaultDesk:
     def __init__(self, clock: Clock, tell: FaultTeller = only_log) -> None:
         self._clock = clock
         self._tell = tell
-        self._robots: dict[RobotId, Faulty] = {}
-        self._caused: dict[tuple[RobotId, str], _Caused] = {}
+        self._faulty: dict[str, Faulty] = {}
+        self._robots: set[str] = set()
+        self._caused: dict[tuple[str, str], _Caused] = {}
         self.server = NodeServer("faults", {"cause": self._cause, "mend": self._mend}, (FAULTS,))
 
     def meet(self, robot: RobotId, faulty: Faulty) -> None:
         """Take a robot that lives from now on."""
-        self._robots[robot] = faulty
+        self._faulty[robot] = faulty
+        self._robots.add(robot)
+        self._publish()
+
+    def meet_other(self, name: str, faulty: Faulty) -> None:
+        """Take something that is no robot, such as a camera."""
+        self._faulty[name] = faulty
         self._publish()
 
     async def run(self) -> None:
         """Tell of the faults that come by themselves, until cancelled."""
         while True:
             come = [
-                (begin_of(faulty.faults, name), robot, name)
-                for robot, faulty in self._robots.items()
-                for name in CAUSED_FAULTS
-                if faulty.lived_s >= begin_of(faulty.faults, name)
+                (faulty.begin_s(name), robot, name)
+                for robot, faulty in self._faulty.items()
+                for name in faulty.fault_kinds
+                if faulty.lived_s >= faulty.begin_s(name)
             ]
             for _, robot, name in sorted(come):
                 if (robot, name) not in self._caused:
@@ -131,8 +139,8 @@ class FaultDesk:
 
     async def _mend(self, values: dict[str, Any]) -> Content:
         robot, faulty, name, by = self._asked(values)
-        kind = CAUSED_FAULTS[name]
-        if math.isinf(begin_of(faulty.faults, name)):
+        kind = faulty.fault_kinds[name]
+        if math.isinf(faulty.begin_s(name)):
             return {}
         if kind.needs_hands and not faulty.is_in_reach_of_hands:
             sentence = f"{robot} is under water; {kind.title.lower()}: mended at the surface only"
@@ -141,36 +149,39 @@ class FaultDesk:
         self._caused.pop((robot, name), None)
         self._publish()
         text = f"Mended in the simulator{_by(by)}: {kind.over} ({robot}, {name})."
-        await self._tell(FaultNews(robot, text, is_over=True))
+        await self._tell(FaultNews(self._robot(robot), text, is_over=True))
         return {}
 
-    async def _came(self, robot: RobotId, name: str, by: str) -> None:
+    def _robot(self, name: str) -> RobotId | None:
+        return RobotId(name) if name in self._robots else None
+
+    async def _came(self, robot: str, name: str, by: str) -> None:
         self._caused[robot, name] = _Caused(self._clock.now(), by)
         self._publish()
-        words = CAUSED_FAULTS[name].words
+        words = self._faulty[robot].fault_kinds[name].words
         text = f"Caused in the simulator{_by(by)}: {words} ({robot}, {name})."
-        await self._tell(FaultNews(robot, text))
+        await self._tell(FaultNews(self._robot(robot), text))
 
-    def _asked(self, values: dict[str, Any]) -> tuple[RobotId, Faulty, str, str]:
-        robot, name = RobotId(str(values.get("robot"))), str(values.get("fault"))
-        faulty = self._robots.get(robot)
+    def _asked(self, values: dict[str, Any]) -> tuple[str, Faulty, str, str]:
+        robot, name = str(values.get("robot")), str(values.get("fault"))
+        faulty = self._faulty.get(robot)
         if faulty is None:
-            there = ", ".join(self._robots) or "none yet"
+            there = ", ".join(self._faulty) or "none yet"
             raise NodeError(NodeFault.UNKNOWN, f"no robot {robot} is simulated; there are {there}")
-        if name not in faulty.fault_names:
-            there = ", ".join(faulty.fault_names)
+        if name not in faulty.fault_kinds:
+            there = ", ".join(faulty.fault_kinds)
             raise NodeError(NodeFault.UNKNOWN, f"{robot} has no fault {name}; there are {there}")
         return robot, faulty, name, str(values.get("by", ""))[:_BY_MAX]
 
     def _publish(self) -> None:
         robots = {
-            robot: {name: self._told(robot, name) for name in faulty.fault_names}
-            for robot, faulty in self._robots.items()
+            robot: {name: self._told(robot, name) for name in faulty.fault_kinds}
+            for robot, faulty in self._faulty.items()
         }
         self.server.publish(FAULTS, {"robots": robots}, is_state=True)
 
-    def _told(self, robot: RobotId, name: str) -> Content:
-        kind, caused = CAUSED_FAULTS[name], self._caused.get((robot, name))
+    def _told(self, robot: str, name: str) -> Content:
+        kind, caused = self._faulty[robot].fault_kinds[name], self._caused.get((robot, name))
         return {
             "title": kind.title,
             "words": kind.words,

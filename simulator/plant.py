@@ -3,6 +3,7 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.frames import rotation_ned_from_body
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
@@ -97,6 +98,13 @@ class Plant:
         self.state = metered[:15]
         self.time_s += steps * PHYSICS_STEP_S
         return float(metered[15])
+
+    @property
+    def velocity_ned_m_s(self) -> FloatArray:
+        """True velocity over ground in the site frame, shape ``(3,)``."""
+        velocity = rotation_ned_from_body(*self.state[3:6].tolist()) @ self.state[6:9]
+        velocity[:2] += self._surroundings[0:2]
+        return velocity
 
     @property
     def position_ned(self) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ import os
 import random
 from collections.abc import AsyncGenerator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from typing import TYPE_CHECKING
 
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -27,6 +28,9 @@ from simulator.settings import GatewaySettings, SimulatorSettings
 from simulator.sub.endpoint import SubVehicle
 from simulator.until_told import run_until_told
 from simulator.xbee_network import XBeeNetwork
+
+if TYPE_CHECKING:
+    from simulator.camera.tank import EmulatedTank
 
 _PARENT_CHECK_S = 1.0
 
@@ -105,6 +109,7 @@ async def serve(
     async with (
         gateway(settings.gateway, network),
         desk.server.serve(NodeAddress(port=settings.desk_port or 0)),
+        _cameras(settings, desk) as tank,
         asyncio.TaskGroup() as group,
     ):
         tasks: list[asyncio.Task[None]] = []
@@ -117,13 +122,27 @@ async def serve(
                 life = _sub(settings, name, desk)
             else:
                 live_as = _whole if settings.has_programs else _bare
-                life = live_as(settings, settings.definition(name), network, bodies, desk)
+                life = live_as(settings, settings.definition(name), network, bodies, desk, tank)
             tasks.append(group.create_task(life, name=f"{name} life"))
         _log.info("simulating %s at speed %g", ", ".join(settings.robots), settings.speed)
         await stopped.wait()
         for task in tasks:
             task.cancel()
     _log.info("simulation ended")
+
+
+@asynccontextmanager
+async def _cameras(
+    settings: SimulatorSettings, desk: FaultDesk
+) -> AsyncGenerator["EmulatedTank | None"]:
+    """Run the cameras over the tank, whose code is loaded only where there are some."""
+    if not settings.cameras:
+        yield None
+        return
+    from simulator.camera.running import emulated_cameras
+
+    async with emulated_cameras(settings, desk) as tank:
+        yield tank
 
 
 async def _sub(settings: SimulatorSettings, name: RobotId, desk: FaultDesk) -> None:
@@ -140,6 +159,7 @@ async def _whole(
     network: IridiumNetwork,
     bodies: dict[str, SimulatedBody],
     desk: FaultDesk,
+    tank: "EmulatedTank | None",
 ) -> None:
     """Let a robot live with its onboard program until cancelled."""
     truth = settings.clock()
@@ -154,6 +174,8 @@ async def _whole(
     )
     bodies[definition.imei] = robot.body
     desk.meet(definition.robot, robot.body)
+    if tank is not None:
+        tank.meet(definition.robot, robot.body, time.started_at)
     async with AsyncExitStack() as stack:
         radios = await stack.enter_async_context(_station_radio(settings, definition, robot.body))
         equipment = await stack.enter_async_context(
@@ -183,6 +205,7 @@ async def _bare(
     network: IridiumNetwork,
     bodies: dict[str, SimulatedBody],
     desk: FaultDesk,
+    tank: "EmulatedTank | None",
 ) -> None:
     """Let a robot's body and devices live until cancelled; its program runs elsewhere."""
     truth = settings.clock()
@@ -192,6 +215,8 @@ async def _bare(
     node = BodyNode(body, lambda: time.oscillator.count_s(body.plant.time_s))
     bodies[definition.imei] = body
     desk.meet(definition.robot, body)
+    if tank is not None:
+        tank.meet(definition.robot, body, time.started_at)
     async with AsyncExitStack() as stack:
         radios = await stack.enter_async_context(_station_radio(settings, definition, body))
         line = settings.device_path(definition.robot, "radio")

@@ -15,11 +15,14 @@ from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fault import (
+    CAUSED_FAULTS,
     DEPTH_OFF_M,
     FLAT_FRACTION,
     OXYGEN,
+    FaultKind,
     FaultyActuators,
     RobotFaults,
+    begin_of,
     caused_at,
     drifted_share,
 )
@@ -92,9 +95,13 @@ class SimulatedBody:
         return self._actuators.faults
 
     @property
-    def fault_names(self) -> tuple[str, ...]:
+    def fault_kinds(self) -> Mapping[str, FaultKind]:
         """Which of ``CAUSED_FAULTS`` it can have."""
-        return self._definition.fault_names
+        return {name: CAUSED_FAULTS[name] for name in self._definition.fault_names}
+
+    def begin_s(self, name: str) -> float:
+        """Return when a fault comes, of its life; infinity if it does not."""
+        return begin_of(self.faults, name)
 
     @property
     def lived_s(self) -> float:

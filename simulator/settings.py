@@ -112,6 +112,11 @@ class SimulatorSettings(Configuration):
     desk_port: int | None = Field(default=None, ge=1, le=65535)
     """Loopback port at which faults are caused while robots live (``simulator.fault_desk``); by
     default a free one, which nobody is told."""
+    cameras: int = Field(default=0, ge=0, le=3)
+    """How many emulated cameras hang over the tank (``simulator.camera``)."""
+    camera_port: int | None = Field(default=None, ge=1, le=65535)
+    """Loopback port at which they send their pictures; by default a free one, which the
+    log tells."""
     current: str = ""
     """Flow of the water (``simulator.flow.GRAMMAR``); empty for none. Robots and station are not
     told."""

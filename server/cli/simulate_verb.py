@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from autonomy.site import TANK
 from db.query.station.events import add_event
+from robot_link.camera.extra import CameraExtraMissingError, check_extra
 from server.base.clock_file import ClockAnchors, start_clock
 from server.base.secret import SecretStore
 from server.base.settings import LINK_FOLDER
@@ -50,6 +51,21 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=int,
         metavar="PORT",
         help="loopback port at which a station with the same option causes faults",
+    )
+    parser.add_argument(
+        "--cameras",
+        type=int,
+        choices=range(4),
+        default=0,
+        metavar="N",
+        help="how many emulated cameras hang over the tank, at most 3 (needs the extra camera)",
+    )
+    parser.add_argument(
+        "--camera-port",
+        type=int,
+        metavar="PORT",
+        help="loopback port of their pictures, http://127.0.0.1:PORT/camera/tank-1 and so on"
+        " (default: a free one, which is printed)",
     )
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
@@ -156,6 +172,20 @@ def note_fault(folder: Path, at: datetime, news: "FaultNews") -> None:
         _log.warning("%s It is not in the event log: %s", news.text, error)
 
 
+def check_cameras(are_wanted: bool) -> None:
+    """Make sure that emulated cameras can be drawn, if they are wanted.
+
+    Raises:
+        CommandError: If a package is missing; the sentence says how to get it.
+    """
+    if not are_wanted:
+        return
+    try:
+        check_extra()
+    except CameraExtraMissingError as error:
+        raise CommandError(f"{error}.") from error
+
+
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
@@ -165,6 +195,7 @@ def run(arguments: Namespace) -> int:
     from simulator.process import run as run_simulator
     from simulator.settings import SimulatorSettings
 
+    check_cameras(bool(arguments.cameras))
     station = settings_of(arguments)
     folder = station.data_dir
     make_data_folder(folder)
@@ -199,6 +230,8 @@ def run(arguments: Namespace) -> int:
         "current": arguments.current,
         "faults": arguments.fault,
         "desk_port": arguments.demo_port,
+        "cameras": arguments.cameras,
+        "camera_port": arguments.camera_port,
         "robots": robots or None,
     }
     try:

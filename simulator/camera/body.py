@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.vehicle.hull import Hull
+from autonomy.vision.calibration.board import Board
 from autonomy.vision.camera import Camera
 from autonomy.vision.refraction import surface_sights
 from autonomy.vision.rigid import Pose
@@ -115,6 +116,13 @@ def board_body() -> Body:
     across = np.array([printed.cell_m * columns, 0.0, 0.0])
     down = np.array([0.0, printed.cell_m * rows, 0.0])
     return Body((Panel(corner, across, down, printed),))
+
+
+def board_middle_m() -> FloatArray:
+    """Return the middle of the board in its own axes, shape ``(3,)``, m."""
+    board = Board()
+    half = 0.5 * board.square_m
+    return np.array([half * board.squares_across, half * board.squares_down, 0.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,6 @@ from simulator.camera.body import (
     shown,
 )
 from simulator.camera.caustics import caustic_net
-from simulator.camera.pattern import opencv
 from simulator.camera.scene import Motion, Scene
 
 _NOISES = 1 << 18
@@ -127,12 +126,13 @@ class Painter:
 
     def jpeg(self, picture: kernel.Cells) -> bytes:
         """Return a picture as a JPEG file."""
-        cv2 = opencv()
+        import cv2
+
         quality = [cv2.IMWRITE_JPEG_QUALITY, self.scene.sensor.jpeg_quality]
         is_done, encoded = cv2.imencode(".jpg", picture, quality)
         if not is_done:
             raise RuntimeError("OpenCV wrote no JPEG")
-        return bytes(encoded)
+        return encoded.tobytes()
 
     def _moving(self, robots: Mapping[str, Motion], board: Pose | None) -> Shown:
         moving = NOTHING

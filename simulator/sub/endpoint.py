@@ -19,7 +19,14 @@ from robot_link.service.parameter_table import ParameterTable
 from robot_link.service.parameter_wire import IntegerEncoding
 from robot_link.service.standard_item import StandardItem
 from robot_link.transport.datagram import FAR_END, DatagramTransport, PortClosedError, Received
-from simulator.fault import FLAT_FRACTION, RobotFaults, caused_at
+from simulator.fault import (
+    CAUSED_FAULTS,
+    FLAT_FRACTION,
+    FaultKind,
+    RobotFaults,
+    begin_of,
+    caused_at,
+)
 from simulator.sub.autopilot import MODES, SubAutopilot
 from simulator.sub.definition import SubDefinition
 from simulator.sub.parameter import GENERAL, PARAMETERS, MetadataFiles
@@ -107,9 +114,13 @@ class SubVehicle:
         return self._telemetry.faults
 
     @property
-    def fault_names(self) -> tuple[str, ...]:
+    def fault_kinds(self) -> Mapping[str, FaultKind]:
         """Which of ``CAUSED_FAULTS`` it can have."""
-        return self._definition.fault_names
+        return {name: CAUSED_FAULTS[name] for name in self._definition.fault_names}
+
+    def begin_s(self, name: str) -> float:
+        """Return when a fault comes, of its life; infinity if it does not."""
+        return begin_of(self.faults, name)
 
     @property
     def lived_s(self) -> float:

@@ -150,7 +150,7 @@ async def test_the_submarine_has_its_own_faults():
     told = vehicle._telemetry
     assert {one.name for one in told.messages("named_values")} == {"salinity", "turbidity", "ph"}
     (sound,) = told.messages("gps")
-    for name in vehicle.fault_names:
+    for name in vehicle.fault_kinds:
         vehicle.cause(name)
     vehicle.step()
     assert vehicle.autopilot.is_leaking
@@ -159,7 +159,7 @@ async def test_the_submarine_has_its_own_faults():
     assert told.messages("named_values") == []
     (lost,) = told.messages("gps")
     assert (sound.satellites_visible, lost.satellites_visible) == (11, 0)
-    for name in vehicle.fault_names:
+    for name in vehicle.fault_kinds:
         vehicle.mend(name)
     vehicle.step()
     assert not vehicle.autopilot.is_leaking
