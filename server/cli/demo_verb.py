@@ -36,11 +36,13 @@ from server.base.secret import SecretStore
 from server.base.settings import LINK_FOLDER
 from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, LOG_FOLDER, DataFolderError, make_data_folder
+from server.cli.demo.cameras import camera_link, tell_cameras
 from server.cli.demo.gateway import decide_signing, free_port, prepare_gateway
 from server.cli.demo.supervisor import Child, Supervisor
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
-from server.cli.simulate_verb import add_world_options
+from server.cli.simulate_verb import add_world_options, check_cameras
+from simulator.camera.laboratory import CAMERAS_MAX
 from simulator.fault import CausedFault
 from simulator.fleet import (
     DEMO_ROBOTS,
@@ -82,6 +84,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_world_options(parser)
     parser.add_argument(
+        "--cameras",
+        action="store_true",
+        help="hang three emulated cameras over the tank, which find its robots once somebody has"
+        " calibrated them (needs the extra camera)",
+    )
+    parser.add_argument(
         "--dev",
         action="store_true",
         help="serve the operator app from its sources and start the station again as files change",
@@ -100,10 +108,12 @@ def run(arguments: Namespace) -> int:
     for fault in map(CausedFault.of, arguments.fault):
         if refusal := fault.refusal(fault_names_of(robots)):
             raise CommandError(f"--fault: {refusal}", status=2)
+    check_cameras(arguments.cameras)
+    arguments.camera_port = free_port() if arguments.cameras else None
     with _listener(arguments.port) as listener, _data_folder(arguments.data) as folder:
         clock_file = folder / CLOCK_FILE
         start_clock(clock_file, arguments.speed)
-        sign_in = _prepare(folder, read_clock(clock_file), robots)
+        sign_in = _prepare(folder, read_clock(clock_file), robots, arguments.camera_port)
         secrets = SecretStore(settings_of(Namespace(data=folder)).secret_dir)
         prepare_gateway(folder, secrets, _url(listener))
         decide_signing(secrets, robots)
@@ -185,7 +195,7 @@ def _radios(arguments: Namespace, folder: Path) -> tuple[Path, ...]:
 
 
 def _trouble(arguments: Namespace) -> tuple[str, ...]:
-    """Return the simulator's options that make a robot's life harder."""
+    """Return the simulator's options that make a robot's life harder, or cameras see it."""
     switches = {"far": arguments.far, "ctd": arguments.ctd, "own-cameras": arguments.own_cameras}
     options = [f"--{name}" for name, is_on in switches.items() if is_on]
     for name in ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers"):
@@ -196,10 +206,14 @@ def _trouble(arguments: Namespace) -> tuple[str, ...]:
         options += ["--fault", fault]
     if arguments.current:
         options += ["--current", arguments.current]
+    if arguments.camera_port is not None:
+        options += ["--cameras", str(CAMERAS_MAX), "--camera-port", str(arguments.camera_port)]
     return tuple(options)
 
 
-def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
+def _prepare(
+    folder: Path, clock: Clock, robots: tuple[RobotId, ...], camera_port: int | None
+) -> str:
     """Make the robots and the person known to the folder's database; return a one-time sign-in."""
     at = clock.now()
 
@@ -209,6 +223,8 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
             robot = (
                 _sub_record(name, folder, at) if is_sub(name) else _record(FLEET[name], folder, at)
             )
+            if camera_port is not None:
+                robot = replace(robot, links=(*robot.links, *camera_link(name)))
             if robot.id in known:
                 change_robot(session, robot.id, links=robot.links)
             elif is_sub(name):
@@ -218,6 +234,8 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
                 add_robot(session, robot)
             if not is_sub(name):
                 _agree_on_satellite(session, FLEET[name], at)
+        if camera_port is not None:
+            tell_cameras(session, robots, camera_port, at)
         if find_person(session, PERSON) is None:
             add_person(session, PERSON, Role.ADMIN, None, at)
         return register.create_sign_in_link(

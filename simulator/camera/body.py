@@ -203,15 +203,15 @@ def shown(scene: Scene, camera: Camera, body: Body, motion: Motion, prints: Prin
     """Return a body as a camera's picture needs it, in the middle of whose exposure it is there."""
     exposure = scene.sensor.exposure_s
     moves = bool(motion.velocity_ned_m_s.any() or motion.turn_rad_s.any())
-    times = exposure * (np.arange(kernel.SLOTS) / (kernel.SLOTS - 1) - 0.5)
-    still = motion.pose
-    poses = [motion.after(float(t)) if moves else still for t in times]
-    R = np.array([pose.rotation for pose in poses])
-    places = np.array([pose.position_m for pose in poses])
-
-    panels = _packed_panels(body.panels, R, places, prints, scene.level_m)
-    hulls = _packed_hulls(body.capsules, R, places, scene.level_m)
-    ends = (poses[0], poses[-1]) if moves else (still,)
+    ends = (motion.pose,)
+    turns, places = motion.pose.rotation[None], motion.pose.position_m[None]
+    if moves:  # by so little that it is straight
+        ends = (motion.after(-0.5 * exposure), motion.after(0.5 * exposure))
+        share = np.linspace(0.0, 1.0, kernel.SLOTS)
+        turns = _between(ends[0].rotation, ends[1].rotation, share[:, None, None])
+        places = _between(ends[0].position_m, ends[1].position_m, share[:, None])
+    panels = _packed_panels(body.panels, turns, places, prints, scene.level_m)
+    hulls = _packed_hulls(body.capsules, turns, places, scene.level_m)
     return Shown(
         panels,
         _boxes(scene, camera, ends, [panel.corners_m for panel in body.panels]),
@@ -219,6 +219,10 @@ def shown(scene: Scene, camera: Camera, body: Body, motion: Motion, prints: Prin
         _boxes(scene, camera, ends, [capsule.corners_m for capsule in body.capsules]),
         _motion_px(scene, camera, motion) if moves else 0.0,
     )
+
+
+def _between(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    return begin + share * (end - begin)
 
 
 def _packed_panels(

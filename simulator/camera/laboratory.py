@@ -6,7 +6,7 @@ tags on each robot.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,9 @@ from autonomy.vision.camera import Camera
 from autonomy.vision.lens import Lens
 from autonomy.vision.rigid import Pose
 from autonomy.vision.tag import Bundle, Layout, Tag
+from robot_link.messages import RobotId
 from simulator.camera.scene import Scene
+from simulator.fleet import FLEET, is_sub
 
 CAMERAS_MAX = 3
 HEIGHT_M = 2.5
@@ -46,6 +48,12 @@ class Accuracy:
     aim_m: float = 0.02
     """How far cameras hang from where the drawing has them, which nobody is told."""
     aim_deg: float = 1.0
+
+
+def tank_robots(robots: Iterable[RobotId]) -> tuple[RobotId, ...]:
+    """Return the simulated robots that swim in the tank; in this order they have their tags."""
+    own = (robot for robot in robots if not is_sub(robot))
+    return tuple(robot for robot in own if FLEET[robot].site.water == TANK.water)
 
 
 def told_layout() -> Layout:
@@ -89,16 +97,22 @@ def told_bundles(robots: Sequence[str]) -> tuple[Bundle, ...]:
     return tuple(told_bundle(robot, number) for number, robot in enumerate(robots))
 
 
-def told_document(robots: Sequence[str]) -> dict[str, object]:
-    """Return layout and bundles as JSON: what a laboratory writes down, and tells a station."""
-    bundles = [
+def layout_document() -> dict[str, object]:
+    """Return the fixed tags as JSON: what a laboratory writes down."""
+    return {"tags": [_tag_document(tag) for tag in told_layout().tags]}
+
+
+def bundle_documents(robots: Sequence[str]) -> list[dict[str, object]]:
+    """Return the tags of robots as JSON."""
+    return [
         {"robot": bundle.robot, "tags": [_tag_document(tag) for tag in bundle.tags]}
         for bundle in told_bundles(robots)
     ]
-    return {
-        "layout": {"tags": [_tag_document(tag) for tag in told_layout().tags]},
-        "bundles": bundles,
-    }
+
+
+def told_document(robots: Sequence[str]) -> dict[str, object]:
+    """Return layout and bundles as JSON, as a station is told them."""
+    return {"layout": layout_document(), "bundles": bundle_documents(robots)}
 
 
 def camera_names(count: int) -> tuple[str, ...]:

@@ -4,27 +4,14 @@ import logging
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 
-from autonomy.site import TANK, Site
 from simulator.camera.fault import TANK_NAME, faulty_camera, faulty_tank
-from simulator.camera.laboratory import true_scene
+from simulator.camera.laboratory import tank_robots, true_scene
 from simulator.camera.stream import CameraServer
 from simulator.camera.tank import EmulatedTank
 from simulator.fault_desk import FaultDesk
-from simulator.fleet import is_sub
 from simulator.settings import SimulatorSettings
 
 _log = logging.getLogger(__name__)
-
-
-def is_in_tank(site: Site) -> bool:
-    """Tell whether a robot of this water swims below the cameras."""
-    return site.water == TANK.water
-
-
-def tank_robots(settings: SimulatorSettings) -> tuple[str, ...]:
-    """Return the robots that swim in the tank; in this order they have their tags."""
-    own = (name for name in settings.robots if not is_sub(name))
-    return tuple(name for name in own if is_in_tank(settings.definition(name).site))
 
 
 @asynccontextmanager
@@ -37,7 +24,7 @@ async def emulated_cameras(
         CameraExtraMissingError: If OpenCV is not installed.
         OSError: If the port is taken.
     """
-    scene = true_scene(tank_robots(settings), settings.cameras, settings.seed)
+    scene = true_scene(tank_robots(settings.robots), settings.cameras, settings.seed)
     tank = EmulatedTank(scene, settings.clock())
     desk.meet_other(TANK_NAME, faulty_tank(tank))
     for camera in scene.cameras:

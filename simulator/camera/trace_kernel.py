@@ -317,6 +317,15 @@ def _are_near(
 
 
 @inlined_kernel
+def _has_print(panels: FloatArray, near: IntArray, near_panels: int) -> bool:
+    """Tell whether one of the panels near a pixel has a pattern."""
+    for k in range(near_panels):  # noqa: SIM110 - numba knows no any()
+        if panels[0, near[k], FIRST_CELL] >= 0.0:
+            return True
+    return False
+
+
+@inlined_kernel
 def _is_plain(shades: Light, i: int, j: int, reach: int) -> bool:
     """Tell whether all around a pixel has its shade, as far as it was traced."""
     own = shades[i, j]
@@ -347,7 +356,8 @@ def trace(
 ) -> None:
     """Trace a rectangle of a picture.
 
-    Each pixel is traced once, and in 3 x 3 parts where those around it have another shade.
+    Each pixel is traced once; near a print it is traced in 3 x 3 parts where those around it have
+    another shade.
 
     Args:
         corner: First row and column of the rectangle, shape ``(2,)``.
@@ -383,6 +393,8 @@ def trace(
                 n_panels = _are_near(panel_boxes, count_panels, row, column, near, 0)
                 n_all = _are_near(hull_boxes, count_hulls, row, column, near, n_panels)
                 if is_still and n_all == 0:
+                    continue
+                if phase == 1 and not _has_print(panels, near, n_panels):
                     continue
                 r, c = row + 1, column + 1
                 dx, dy, dz = float(rays[r, c, 0]), float(rays[r, c, 1]), float(rays[r, c, 2])
