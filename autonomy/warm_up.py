@@ -25,6 +25,7 @@ FLIGHT = (
     "autonomy.control.swimming_kernel",
     "autonomy.control.law",
     "autonomy.estimation.kernel",
+    "autonomy.estimation.tag_filter",
 )
 """Steps for the simulated water, and for the estimators and controllers on board; the longest
 first."""

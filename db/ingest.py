@@ -150,6 +150,7 @@ def _state_row(report: StateReport) -> dict[str, Any]:
     row["measured_at"] = report.measured_at
     row["received_at"] = report.received_at
     row["has_fix"] = report.has_fix
+    row["is_by_cameras"] = report.is_by_cameras
     row["mode"] = int(report.mode)
     return row
 

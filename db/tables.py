@@ -106,6 +106,8 @@ class StateRow(Base):
     position_std_m: Mapped[float]
     """Infinite where nobody knows it."""
     has_fix: Mapped[bool]
+    is_by_cameras: Mapped[bool] = mapped_column(server_default=false())
+    """Whether the newest of its fixes was told by somebody who sees the robot."""
     mode: Mapped[int | None]
 
 

@@ -19,9 +19,10 @@ from onboard.flight.depth_zero import ABOVE_MAX_M, DepthZero
 from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
-from onboard.flight.navigation import CurrentBelief, Estimate, Navigator
+from onboard.flight.navigation import Estimate, Navigator
 from onboard.flight.outside_fix import OutsideFixes
 from onboard.flight.pilot import Pilot
+from onboard.flight.water_track import CurrentBelief
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
 from robot_link.camera.received_fix import ReceivedFix
@@ -444,6 +445,7 @@ class OnboardProgram:
             heading_rad=heading,
             mode=self.executive.mode,
             has_fix=estimate.has_fix,
+            is_by_cameras=estimate.is_by_cameras,
             energy_used=self.executive.energy_used,
             **{name: getattr(self._readings, name) for name in _SENSED},
         )
@@ -453,7 +455,8 @@ class OnboardProgram:
         self._readings = self.depth_zero.corrected(self._hardware.read())
         readings = self.executive.trim.in_model_terms(self._readings)
         self._navigator.expect_current(self.executive.planned_current_ne_m_s)
-        return self._navigator.step(readings, self._set_points, began_s)
+        late = self.fixes.take(self.now)
+        return self._navigator.step(readings, self._set_points, began_s, late)
 
     def _measure(self, radio: Radio) -> None:
         """Take the samples that are due on a leg or a pursuit: all of them at one place and time.

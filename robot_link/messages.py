@@ -277,6 +277,8 @@ class StateReport:
     mode: RobotMode
     has_fix: bool
     """Whether the position was fixed from outside (GPS, cameras) at this moment."""
+    is_by_cameras: bool = False
+    """Whether the newest such fix was told to the robot by somebody who sees it."""
 
 
 STATE = Catalogue(StateReport)

@@ -8,7 +8,7 @@ from pathlib import Path
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from onboard.computer import KEY_FILE, Computer, TimeAt
 from onboard.flight.hardware import Hardware
-from onboard.flight.navigation import CurrentBelief
+from onboard.flight.water_track import CurrentBelief
 from onboard.memory import read_key
 from onboard.node.client import NodeClient
 from onboard.program import OnboardProgram

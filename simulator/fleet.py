@@ -88,6 +88,9 @@ class RobotDefinition:
     acoustics: AcousticConditions = field(default_factory=AcousticConditions)
     """How sound goes in its water."""
 
+    surface_depth_m: float | None = None
+    """Deeper than this its program takes no fix; None is as delivered for its vehicle."""
+
     @property
     def fault_names(self) -> tuple[str, ...]:
         """Which of ``CAUSED_FAULTS`` it can have."""
@@ -98,12 +101,24 @@ class RobotDefinition:
     @property
     def estimator(self) -> EstimatorConfig:
         """Settings of its onboard filters."""
-        return estimator_preset(self.vehicle.key, self.site.kind)
+        preset = estimator_preset(self.vehicle.key, self.site.kind)
+        if self.surface_depth_m is None:
+            return preset
+        return preset.model_copy(update={"surface_depth_m": self.surface_depth_m})
 
     @property
     def energy(self) -> EnergyConfig:
         """Prices of its primitives."""
         return PLANNER_PRESETS.get(self.vehicle.key, PlannerConfig()).energy
+
+    def fixed_by_cameras(self, surface_depth_m: float | None) -> "RobotDefinition":
+        """Return the robot as it is where cameras see it: no sensor of its own tells its place.
+
+        Args:
+            surface_depth_m: Deeper than this it takes no fix; None is as delivered.
+        """
+        blind = replace(self.sensors, fix_depth_m=-math.inf)
+        return replace(self, sensors=blind, surface_depth_m=surface_depth_m)
 
     def far_away(self) -> "RobotDefinition":
         """Return the robot as it begins out of radio range, where it has such a place."""

@@ -31,7 +31,7 @@ class SensorModel:
     fix_std_m: float
     """Of one position fix, per horizontal axis."""
     fix_depth_m: float
-    """True depth below which no fix is possible."""
+    """True depth below which no fix is possible; minus infinity for a robot without that sensor."""
     fix_period_s: float
 
 

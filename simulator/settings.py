@@ -1,6 +1,5 @@
 """Settings of the simulator's process; a settings file holds them as one JSON object."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -69,6 +68,10 @@ class SimulatorSettings(Configuration):
     and its logs. Without one robots forget, and have no satellite link."""
     is_far: bool = False
     """Robots that can begin out of radio range do."""
+    fixed_by_cameras: tuple[RobotId, ...] = ()
+    """Robots that cameras see: no sensor of theirs tells them where they are."""
+    surface_depth_m: float | None = Field(default=None, gt=0.0, le=2.0)
+    """Deeper than this those robots take no fix; as delivered without."""
     has_ctd: bool = False
     """GRACE robots carry a CTD: salinity, conductivity and pressure beside their instruments."""
     has_own_cameras: bool = False
@@ -125,6 +128,12 @@ class SimulatorSettings(Configuration):
     @classmethod
     def _robots_exist(cls, robots: tuple[RobotId, ...]) -> tuple[RobotId, ...]:
         return robots_named(robots)
+
+    @model_validator(mode="after")
+    def _seen_robots_live(self) -> Self:
+        if strangers := set(self.fixed_by_cameras) - set(self.robots):
+            raise ValueError(f"fixed_by_cameras names robots that do not live: {sorted(strangers)}")
+        return self
 
     @field_validator("current")
     @classmethod
@@ -202,8 +211,10 @@ class SimulatorSettings(Configuration):
             ctd = tuple(one for one in CTD if one.channel != definition.site.variable)
             definition = replace(definition, instruments=definition.instruments + ctd)
         if self.has_own_cameras and definition.site.kind == "tank":
-            blind = replace(definition.sensors, fix_depth_m=-math.inf)
-            definition = replace(definition, has_own_camera=True, sensors=blind)
+            seeing = replace(definition, has_own_camera=True)
+            definition = seeing.fixed_by_cameras(definition.surface_depth_m)
+        if robot in self.fixed_by_cameras:
+            definition = definition.fixed_by_cameras(self.surface_depth_m)
         return definition.far_away() if self.is_far else definition
 
     def sub(self, robot: RobotId) -> SubDefinition:

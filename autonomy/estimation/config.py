@@ -16,10 +16,13 @@ MOST_DOUBT = 10.0
 class EstimatorConfig(Configuration):
     """Which filter tells the position, the noise that it assumes, the velocity observer's gains."""
 
-    method: Literal["model", "position"] = quantity("model", title="Position by", advanced=True)
+    method: Literal["model", "position", "tags"] = quantity(
+        "model", title="Position by", advanced=True
+    )
     """``model``: one filter on the vehicle's model that learns current and ballast error from fixes
     and depth. ``position``: velocity observer and position filter, which learn no current; their
-    uncertainty allows for one."""
+    uncertainty allows for one. ``tags``: poses by cameras, which must see the robot everywhere;
+    without them it goes on as it went."""
     steady_current_m_s: float = quantity(
         0.01, "m/s", title="Unknown current", ge=0.0, le=FASTEST_CURRENT_M_S
     )

@@ -110,7 +110,12 @@ class FixGate:
         """Fixes that were refused so far."""
 
     def judge(
-        self, fix_ne: tuple[float, float], squared: float, away_m: float, since_s: float
+        self,
+        fix_ne: tuple[float, float],
+        squared: float,
+        away_m: float,
+        since_s: float,
+        std_m: float | None = None,
     ) -> Verdict:
         """Judge a fix.
 
@@ -119,14 +124,16 @@ class FixGate:
             squared: Its squared distance from the expected place in standard deviations.
             away_m: Its distance from the last fix that was believed.
             since_s: Time since then.
+            std_m: Of this fix, per axis; None where it is as usual.
         """
-        reach_m = self._speed * since_s + DISTANCES * math.sqrt(2.0) * self._std_m
+        alike_m = DISTANCES * math.sqrt(2.0) * (self._std_m if std_m is None else std_m)
+        reach_m = self._speed * since_s + alike_m
         if squared <= self._limit and away_m <= reach_m:
             self._strange, self._in_a_row = None, 0
             return Verdict.BELIEVED
         before, self._strange = self._strange, fix_ne
         # fixes come often, so those of one place lie near each other
-        near_m = self._speed * 2.0 + DISTANCES * math.sqrt(2.0) * self._std_m
+        near_m = self._speed * 2.0 + alike_m
         agrees = before is not None and math.dist(before, fix_ne) <= near_m
         self._in_a_row = self._in_a_row + 1 if agrees else 1
         if self._in_a_row >= self._patience:

@@ -63,8 +63,8 @@ def step_position(
     fix_ne_m: FloatArray,
     has_fix: bool,
     noise: FloatArray,
-) -> None:
-    """Advance the filter of thesis 5.4.2 in place.
+) -> tuple[float, float]:
+    """Advance the filter of thesis 5.4.2 in place; return how far the fix moved north and east.
 
     Args:
         axes: North, east and down, shape ``(3, 5)``.
@@ -75,14 +75,38 @@ def step_position(
         has_fix: Whether the fix is one.
         noise: Acceleration density, drift m/sqrt(s), standard deviations of fix and depth.
     """
+    moved_n = moved_e = 0.0
     for i in range(3):
         axis = axes[i]
         predict_axis(axis, dt_s, noise[0])
         if i == 2:
             measure_value(axis, depth_m - axis[0], noise[3] ** 2)
         elif has_fix:
-            measure_value(axis, fix_ne_m[i] - axis[0], noise[2] ** 2)
+            before = axis[0]
+            measure_value(axis, fix_ne_m[i] - before, noise[2] ** 2)
+            if i == 0:
+                moved_n = axis[0] - before
+            else:
+                moved_e = axis[0] - before
         measure_rate(axis, velocity_ned[i] - axis[1], noise[1] ** 2 / dt_s)
+    return moved_n, moved_e
+
+
+@kernel
+def take_late_fix(axes: FloatArray, fix_ne_m: FloatArray, variance: float) -> None:
+    """Take a late horizontal fix into north and east, which makes neither surer than itself.
+
+    ``autonomy.estimation.position.AxisCovariance.take_late_fix`` is its readable reference.
+
+    Args:
+        axes: North and east at least, shape ``(n, 5)``.
+        fix_ne_m: Where the robot is now, by the fix, shape ``(2,)``, m.
+        variance: Of it per axis, what was lost since it was measured included, m^2.
+    """
+    for i in range(2):
+        least = min(axes[i, 2], variance)
+        measure_value(axes[i], fix_ne_m[i] - axes[i, 0], variance)
+        axes[i, 2] = max(axes[i, 2], least)
 
 
 @inner_kernel
@@ -214,6 +238,7 @@ def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     three = np.zeros(3)
     step_position(np.ones((3, 5)), 0.1, three, 0.0, np.zeros(2), True, np.ones(4))
+    take_late_fix(np.ones((3, 5)), np.zeros(2), 1.0)
     step_attitude(np.zeros(3), np.zeros(3), three, three, 0.1, 0.1, 0.1)
     horizontal_velocity(three, 0.0, 0.0, 0.0)
     step_observer(

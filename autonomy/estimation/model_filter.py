@@ -98,12 +98,18 @@ class ModelFilter:
         """How long fixes have come one after the other."""
         self._telling_stay_s = telling_stay_s(estimator, config.current.steady_std_m_s)
         self._doubt = self._watch.doubt
+        self._fix_shift_m = (0.0, 0.0)
 
     @property
     def position_ned(self) -> tuple[float, float, float]:
         """Estimated position, m."""
         x = self._x.tolist()
         return (x[kernel.NORTH], x[kernel.EAST], x[kernel.DEPTH])
+
+    @property
+    def fix_shift_ne_m(self) -> tuple[float, float]:
+        """How far the last fix of ``step`` or ``take_late_fix`` moved the position; 0 without."""
+        return self._fix_shift_m
 
     @property
     def velocity_body(self) -> tuple[float, float, float]:
@@ -213,11 +219,31 @@ class ModelFilter:
         self._notice_trim(dt_s, inside)
         self._attitude, self._rates, self._actuators = attitude, rates, inside
         self._take_depth(depth_m)
+        self._fix_shift_m = (0.0, 0.0)
         if fix_ne is None or fix_ne == self._newest_fix:
             return
         self._newest_fix = fix_ne
         if depth_m <= self._estimator.surface_depth_m:
-            self._take_fix(fix_ne)
+            self._take_fix(fix_ne, self._estimator.fix_std_m)
+
+    def take_late_fix(self, fix_ne: tuple[float, float], variance_m2: float) -> None:
+        """Take in a fix that says of itself how sure it is, after ``step``.
+
+        Args:
+            fix_ne: Northing and easting now: what was measured, moved by the way made since.
+            variance_m2: Of that per axis, what was lost on that way included. Fixes that follow
+                each other have most of their error in common, so that it does not average out: no
+                axis becomes surer by a fix than the fix is.
+        """
+        self._fix_shift_m = (0.0, 0.0)
+        least = np.minimum((self._S[_HORIZONTAL] ** 2).sum(axis=1), variance_m2)  # (2,)
+        if not self._take_fix(fix_ne, math.sqrt(variance_m2)):
+            return
+        known = (self._S[_HORIZONTAL] ** 2).sum(axis=1)  # (2,)
+        if (known < least).any():
+            std = np.zeros(kernel.STATES)
+            std[_HORIZONTAL] = np.sqrt(np.maximum(least - known, 0.0))
+            kernel.widen(self._S, std)
 
     def begin_with_current(
         self, current_ne_m_s: tuple[float, float], std_m_s: float, doubt: float
@@ -282,17 +308,19 @@ class ModelFilter:
             self._refused_depths,
         )
 
-    def _take_fix(self, fix_ne: tuple[float, float]) -> None:
-        innovation = np.array(fix_ne) - self._x[_HORIZONTAL]
-        variance = self._estimator.fix_std_m**2
+    def _take_fix(self, fix_ne: tuple[float, float], std_m: float) -> bool:
+        """Judge a fix, and take it in if it is believed; return whether it was."""
+        before = self._x[_HORIZONTAL].copy()
+        innovation = np.array(fix_ne) - before
+        variance = std_m**2
         across = self._S[_HORIZONTAL]
         covariance = across @ across.T + variance * np.eye(2)
         squared = float(innovation @ np.linalg.solve(covariance, innovation))
         since_s = self._since_fix_s
         away_m = 0.0 if self._believed_fix is None else math.dist(fix_ne, self._believed_fix)
-        verdict = self._gate.judge(fix_ne, squared / self._doubt**2, away_m, since_s)
+        verdict = self._gate.judge(fix_ne, squared / self._doubt**2, away_m, since_s, std_m)
         if verdict is Verdict.REFUSED:
-            return
+            return False
         if since_s >= SHORTEST_DIVE_S and self._believed_fix is not None:
             self._watch.take(squared, 1.0 - self._share_of_current(covariance))
             self._doubt = self._watch.doubt
@@ -305,6 +333,9 @@ class ModelFilter:
             self._x, self._S, np.array(fix_ne, dtype=np.float64), variance, tells_current
         )
         self._believed_fix, self._since_fix_s = fix_ne, 0.0
+        north, east = (self._x[_HORIZONTAL] - before).tolist()
+        self._fix_shift_m = (north, east)
+        return True
 
     def _share_of_current(self, covariance: FloatArray) -> float:
         """Return which part of a fix's expected distance comes from not knowing the current."""

@@ -61,6 +61,17 @@ class AxisCovariance:
             velocity=self.velocity - self.cross**2 / s,
         )
 
+    def take_late_fix(self, variance: float) -> "AxisCovariance":
+        """Take a fix from outside whose error stays from one to the next.
+
+        Args:
+            variance: Of the fix when it is taken, m^2. Most of it does not average out, so it
+                makes no position surer than itself.
+        """
+        after = self.measure_position(variance)
+        least = min(self.position, variance)
+        return AxisCovariance(max(after.position, least), after.cross, after.velocity)
+
     def step(self, config: EstimatorConfig, dt_s: float, has_fix: bool) -> "AxisCovariance":
         """Advance one horizontal axis: predict, measure velocity and, with a fix, position."""
         later = self.predict(dt_s, config.acceleration_density)

@@ -14,7 +14,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig, OutlierConfig
 from autonomy.estimation.fix_watch import SHORTEST_DIVE_S, FixGate, FixWatch, Verdict
-from autonomy.estimation.kernel import step_position
+from autonomy.estimation.kernel import step_position, take_late_fix
 
 GREATEST_SPEED_M_S = 1.0
 """No robot of this kind moves faster over ground."""
@@ -44,6 +44,7 @@ class PositionFilter:
         self._blind_s = 0.0
         self._believed_fix: tuple[float, float] | None = None
         self._noise = position_noise(config)
+        self._fix_shift_m = (0.0, 0.0)
         self._axes = np.zeros((3, 5))
         self._axes[:, 0] = position_ned
         self._axes[:, 2] = position_std_m**2
@@ -71,6 +72,11 @@ class PositionFilter:
     def position_std_m(self) -> float:
         """Standard deviation of the horizontal position along its worst direction, m."""
         return self._doubt * math.sqrt(max(self._axes[:2, 2].tolist()) + self._carried_m**2)
+
+    @property
+    def fix_shift_ne_m(self) -> tuple[float, float]:
+        """How far the last fix of ``step`` or ``take_late_fix`` moved the position; 0 without."""
+        return self._fix_shift_m
 
     @property
     def doubt(self) -> float:
@@ -118,15 +124,34 @@ class PositionFilter:
             raise ValueError("the position filter needs dt > 0 and finite measurements")
         self._blind_s += dt_s
         is_believed = fix is not None and self._takes(fix)
-        step_position(self._axes, dt_s, velocity, depth_m, xy, is_believed, self._noise)
+        self._fix_shift_m = step_position(
+            self._axes, dt_s, velocity, depth_m, xy, is_believed, self._noise
+        )
 
-    def _takes(self, fix: tuple[float, float]) -> bool:
+    def take_late_fix(self, fix_ne_m: tuple[float, float], variance_m2: float) -> None:
+        """Take in a fix that says of itself how sure it is, after ``step``.
+
+        Args:
+            fix_ne_m: Northing and easting now: what was measured, moved by the way made since.
+            variance_m2: Of that per axis, what was lost on that way included. Fixes that follow
+                each other have most of their error in common, so that it does not average out: no
+                axis becomes surer by a fix than the fix is.
+        """
+        self._fix_shift_m = (0.0, 0.0)
+        if not self._takes(fix_ne_m, math.sqrt(variance_m2)):
+            return
+        before = self._axes[:2, 0].copy()
+        take_late_fix(self._axes, np.array(fix_ne_m, dtype=np.float64), variance_m2)
+        north, east = (self._axes[:2, 0] - before).tolist()
+        self._fix_shift_m = (north, east)
+
+    def _takes(self, fix: tuple[float, float], std_m: float | None = None) -> bool:
         """Judge a fix; the way that the current may have made becomes part of the covariance."""
         off = np.array(fix) - self._axes[:2, 0]
-        variance = self._axes[:2, 2] + self._carried_m**2 + self._config.fix_std_m**2
-        squared = float(np.sum(off**2 / variance))
+        noise = (self._config.fix_std_m if std_m is None else std_m) ** 2
+        squared = float(np.sum(off**2 / (self._axes[:2, 2] + self._carried_m**2 + noise)))
         away_m = 0.0 if self._believed_fix is None else math.dist(fix, self._believed_fix)
-        verdict = self._gate.judge(fix, squared / self._doubt**2, away_m, self._blind_s)
+        verdict = self._gate.judge(fix, squared / self._doubt**2, away_m, self._blind_s, std_m)
         if verdict is Verdict.REFUSED:
             return False
         if self._blind_s >= SHORTEST_DIVE_S and self._believed_fix is not None:

@@ -21,6 +21,7 @@ from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
     WaterMotionConfig,
 )
+from autonomy.estimation.tag_filter import TagFilterConfig
 from autonomy.vehicle.config import Vehicle
 from benchmarks.estimation import observer_table
 from benchmarks.estimation.estimation_trial import trial_flight_kernel
@@ -35,7 +36,6 @@ from benchmarks.estimation.estimation_trial.follow import (
     observed_velocity,
     observer_covariance,
 )
-from benchmarks.estimation.estimation_trial.tag_filter import TagFilterConfig
 from benchmarks.estimation.estimation_trial.trial_flight import (
     Flight,
     SensorErrors,

@@ -5,55 +5,33 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any, Final
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import MODEL_FILTER_PRESETS, EstimatorConfig, ModelFilterConfig
-from autonomy.estimation.known_current import TOLD_LEAST_M_S, TOLD_SHARE
-from autonomy.estimation.model_filter import ModelFilter
-from autonomy.estimation.position_filter import PositionFilter
-from autonomy.estimation.velocity_observer import VelocityObserver
 from autonomy.frames import TrueNorth
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.depth_zero import ABOVE_MAX_M
 from onboard.flight.hardware import Readings, SetPoints
+from onboard.flight.outside_fix import LateFix
+from onboard.flight.water_track import (
+    TRACKS,
+    CurrentBelief,
+    PoseNow,
+    WaterState,
+    WaterTrack,
+    angles_of,
+)
 
 FIX_HOLDS_S = 2.0
+WAY_KEPT_S: Final = 3.0
+"""So far back the robot knows where it was; no fix is taken that is older than half of it."""
 _SENSED = tuple(field.name for field in fields(Readings) if field.name != "fix_ne_m")
 _sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
-
-
-@dataclass(frozen=True, slots=True)
-class CurrentBelief:
-    """What the robot believes of the water's steady current, and how it fared with its fixes."""
-
-    current_ne_m_s: tuple[float, float]
-    """North and east; zero where none is learned."""
-    std_m_s: float
-    """Of it, larger axis, ``doubt`` counted."""
-    doubt: float = 1.0
-    """How many times larger the stated standard deviations are than the filter's own."""
-    dives: int = 0
-    """How many dives that was judged by."""
-    fixes_refused: int = 0
-    """Fixes that were not believed so far."""
-
-    @property
-    def sure_ne_m_s(self) -> tuple[float, float]:
-        """What of the current is worth aiming off for, north and east.
-
-        Its uncertainty alone lets a current in still water be believed with the mean square
-        ``2 std^2``; the rest is the share of what is believed that is really there.
-        """
-        north, east = self.current_ne_m_s
-        squared = north**2 + east**2
-        by_chance = 2.0 * self.std_m_s**2
-        share = 1.0 - by_chance / squared if squared > by_chance else 0.0
-        return share * north, share * east
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +50,8 @@ class Estimate:
     """Heading averaged over one beat of the tail, whose wiggle no controller should fight."""
     has_fix: bool
     """Whether a fix arrived within the last two seconds."""
+    is_by_cameras: bool
+    """Whether the newest of those fixes was sent by somebody outside who sees the robot."""
     current: CurrentBelief
     """What is believed of the current."""
 
@@ -91,208 +71,49 @@ class Estimate:
         return float(self.state[4])
 
 
-@dataclass(frozen=True, slots=True)
-class WaterState:
-    """Where the robot is and how it moves through the water."""
-
-    position_ned: tuple[float, float, float]
-    position_std_m: float
-    """Of the horizontal position, larger axis."""
-    velocity_body: tuple[float, float, float]
-    """Through the water in body axes, m/s."""
-    velocity_ned: tuple[float, float, float]
-    """Through the water in NED, m/s."""
-    current: CurrentBelief
-
-
-class WaterTrack(Protocol):
-    """What tells position and velocity, from one step to the next."""
-
-    def step(
-        self,
-        dt_s: float,
-        command: SetPoints,
-        time_s: float,
-        attitude: AttitudeFilter,
-        readings: Readings,
-    ) -> WaterState:
-        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
-        ...
-
-    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
-        """Take what the plan counts on for this dive; None where it tells nothing."""
-        ...
-
-    def begin_with(self, current: CurrentBelief) -> None:
-        """Begin with a current that was learned before; only before the first step."""
-        ...
-
-
-class ObserverTrack:
-    """Velocity observer and position filter, which learn no current.
+class OwnWay:
+    """The way that a robot made of late, by its own reckoning; corrections by fixes are no way.
 
     Args:
-        config: Noise and gains that both assume.
-        vehicle: Model of the velocity observer.
-        position_ned: First position, m.
-        position_std_m: How well it is known.
-        readings: First readings.
+        period_s: Time between two steps.
     """
 
-    def __init__(
-        self,
-        config: EstimatorConfig,
-        vehicle: Vehicle,
-        position_ned: tuple[float, float, float],
-        position_std_m: float,
-        readings: Readings,
-    ) -> None:
-        self._surface_depth_m = config.surface_depth_m
-        self._steady_current_m_s = config.steady_current_m_s
-        self._filter = PositionFilter(config, position_ned, position_std_m)
-        self._observer = VelocityObserver(config, vehicle, readings.depth_m)
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._corrected = np.zeros(2)
+        self._steps: deque[FloatArray] = deque(maxlen=round(WAY_KEPT_S / period_s) + 1)
+        """North, east, depth and heading at the end of each step, the newest last."""
 
-    def step(
-        self,
-        dt_s: float,
-        command: SetPoints,
-        time_s: float,
-        attitude: AttitudeFilter,
-        readings: Readings,
-    ) -> WaterState:
-        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
-        net_buoyancy = readings.net_buoyancy_kg
-        if readings.depth_m < self._surface_depth_m:
-            # the air carries no robot: what would lift it out of the water does not accelerate it
-            net_buoyancy = max(net_buoyancy, 0.0)
-        observer, position = self._observer, self._filter
-        observer.step(
-            dt_s,
-            _packed(command, net_buoyancy),
-            time_s,
-            attitude_rad=attitude.attitude_rad,
-            angular_velocity_rad_s=attitude.rates_rad_s,
-            actuators=(net_buoyancy, readings.mass_position_m, readings.tail_rad),
-            depth_m=readings.depth_m,
-        )
-        velocity_ned = observer.velocity_ned
-        position.step(dt_s, velocity_ned, readings.depth_m, readings.fix_ne_m)
-        return WaterState(
-            position.position_ned,
-            position.position_std_m,
-            observer.velocity_body,
-            velocity_ned,
-            CurrentBelief(
-                (0.0, 0.0),
-                position.doubt * self._steady_current_m_s,
-                position.doubt,
-                position.dives,
-                position.refused_fixes,
-            ),
-        )
+    def add(self, ne_m: tuple[float, float], depth_m: float, heading_rad: float) -> None:
+        """Note where the robot believes to be, as its depth sensor and its compass say it."""
+        north, east = np.subtract(ne_m, self._corrected).tolist()
+        self._steps.append(np.array([north, east, depth_m, heading_rad]))
 
-    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
-        """Leave it: this robot reckons with no current."""
+    def correct(self, shift_ne_m: tuple[float, float]) -> None:
+        """Note that a fix moves the position of the step that is added next."""
+        self._corrected += shift_ne_m
 
-    def begin_with(self, current: CurrentBelief) -> None:
-        """Leave it likewise."""
+    def since(self, age_s: float) -> FloatArray:
+        """Return how far the robot went since a moment of the last seconds.
 
+        Args:
+            age_s: How long ago it was; before the first step it stood still.
 
-class ModelTrack:
-    """The filter on the vehicle's model, which learns current and ballast error.
-
-    Args:
-        config: Noise of depth and fixes, drift and steady current.
-        vehicle: Its model.
-        position_ned: First position, m.
-        position_std_m: How well it is known.
-        readings: First readings.
-    """
-
-    def __init__(
-        self,
-        config: EstimatorConfig,
-        vehicle: Vehicle,
-        position_ned: tuple[float, float, float],
-        position_std_m: float,
-        readings: Readings,
-    ) -> None:
-        model = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig())
-        water = model.current.model_copy(
-            update={
-                "steady_std_m_s": config.steady_current_m_s,
-                "steady_correlation_s": config.current_memory_s,
-            }
-        )
-        self._filter = ModelFilter(
-            config,
-            model.model_copy(update={"current": water}),
-            vehicle,
-            position_ned,
-            position_std_m,
-            attitude_rad=_angles(readings),
-            angular_velocity_rad_s=readings.gyro_rad_s,
-            actuators=_actuators(readings),
-        )
-        self._told_std_m_s = max(TOLD_SHARE * config.steady_current_m_s, TOLD_LEAST_M_S)
-        self._expected: tuple[float, float] | None = None
-
-    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
-        """Take what the plan counts on for this dive; None where it tells nothing.
-
-        At the plan's beginning its word counts beside what the robot has learned itself; from dive
-        to dive the robot's belief changes as the plan does.
+        Returns:
+            North, east, down and the turn, shape ``(4,)``, m and rad.
         """
-        before, self._expected = self._expected, current_ne_m_s
-        if current_ne_m_s is None or current_ne_m_s == before:
-            return
-        if before is None:
-            # a plan from the map of the robot's own dives is no news to one that knows as much
-            if self._filter.steady_current_std_m_s > self._told_std_m_s:
-                self._filter.hear_current(current_ne_m_s, self._told_std_m_s)
-        else:
-            north, east = current_ne_m_s
-            self._filter.shift_current((north - before[0], east - before[1]))
-
-    def begin_with(self, current: CurrentBelief) -> None:
-        """Begin with a current that was learned before; only before the first step."""
-        own_std_m_s = current.std_m_s / current.doubt
-        self._filter.begin_with_current(current.current_ne_m_s, own_std_m_s, current.doubt)
-
-    def step(
-        self,
-        dt_s: float,
-        command: SetPoints,
-        time_s: float,
-        attitude: AttitudeFilter,
-        readings: Readings,
-    ) -> WaterState:
-        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
-        belief = self._filter
-        belief.step(
-            dt_s,
-            _packed(command, readings.net_buoyancy_kg),
-            time_s,
-            attitude_rad=attitude.attitude_rad,
-            # the smoothed rates lag behind the swing between two glides
-            angular_velocity_rad_s=readings.gyro_rad_s,
-            actuators=_actuators(readings),
-            depth_m=readings.depth_m,
-            fix_ne=readings.fix_ne_m,
-        )
-        return WaterState(
-            belief.position_ned,
-            belief.position_std_m,
-            belief.velocity_body,
-            belief.velocity_ned,
-            CurrentBelief(
-                belief.steady_current_ne_m_s,
-                belief.steady_current_std_m_s,
-                belief.doubt,
-                belief.dives,
-                belief.refused[0],
-            ),
-        )
+        newest = len(self._steps) - 1
+        place = max(0.0, newest - age_s / self._period_s)
+        before = min(math.floor(place), max(newest - 1, 0))
+        after = min(before + 1, newest)
+        share = place - before
+        went = share * (self._steps[newest] - self._steps[after])
+        went += (1.0 - share) * (self._steps[newest] - self._steps[before])
+        # a heading that passed from pi to -pi has turned by little
+        turns = [self._steps[newest][3] - self._steps[k][3] for k in (after, before)]
+        went[3] = share * math.remainder(turns[0], math.tau)
+        went[3] += (1.0 - share) * math.remainder(turns[1], math.tau)
+        return went
 
 
 class Navigator:
@@ -332,8 +153,7 @@ class Navigator:
         self._north = TrueNorth(site.origin_latitude_deg)
         self._place = fix or centre
         readings = self._in_frame(readings)
-        make = ModelTrack if config.method == "model" else ObserverTrack
-        self._track: WaterTrack = make(
+        self._track: WaterTrack = TRACKS[config.method](
             config,
             vehicle,
             (*(fix or centre), max(readings.depth_m, 0.0)),
@@ -342,45 +162,94 @@ class Navigator:
         )
         if current is not None:
             self._track.begin_with(current)
-        self._attitude = AttitudeFilter(_angles(readings), readings.gyro_rad_s)
+        self._attitude = AttitudeFilter(angles_of(readings), readings.gyro_rad_s)
         self._headings: deque[float] = deque(
             maxlen=round(1.0 / (vehicle.swim.frequency_hz * period_s))
         )
         self._period_s = period_s
+        self._way = OwnWay(period_s)
+        self._drift_m2_s = config.drift_m_sqrt_s**2
+        water = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig()).current
+        self._eddy_s = water.eddy_correlation_s
+        self._is_by_cameras = False
         self._since_fix_s = 0.0 if fix else math.inf
         self._good = readings
         self._newest_fix: tuple[float, float] | None = None
 
-    def step(self, readings: Readings, command: SetPoints, time_s: float) -> Estimate:
+    def step(
+        self,
+        readings: Readings,
+        command: SetPoints,
+        time_s: float,
+        late: LateFix | None = None,
+    ) -> Estimate:
         """Take in one set of readings.
 
         Args:
             readings: Sensors at the end of the step.
             command: Set points that were in force during the step.
             time_s: Time at the beginning of the step, on the clock of the tail's beat.
+            late: A fix that came during the step, measured some time ago.
         """
         dt_s = self._period_s
         readings = self._in_frame(self._usable(readings))
         if readings.depth_m < -ABOVE_MAX_M:
             # nobody swims there: the sensor's zero is wrong, and filters would chase it
             readings = replace(readings, depth_m=0.0)
-        self._attitude.step(dt_s, _angles(readings), readings.gyro_rad_s)
+        self._attitude.step(dt_s, angles_of(readings), readings.gyro_rad_s)
         now = self._track.step(dt_s, command, time_s, self._attitude, readings)
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
+        if readings.fix_ne_m:
+            self._is_by_cameras = False
+        now = self._taken_late(now, readings, late)
         north, east, down = now.position_ned
         self._place = (north, east)
         position = (north, east, max(down, 0.0))
-        attitude, rates = self._attitude.attitude_rad, self._attitude.rates_rad_s
+        attitude, rates = self._attitude.attitude_rad.copy(), self._attitude.rates_rad_s
+        if now.heading_rad is not None:
+            attitude[2] = now.heading_rad
         return Estimate(
             position_ned=position,
             position_std_m=now.position_std_m,
             velocity_ned=now.velocity_ned,
             state=np.concatenate([position, attitude, now.velocity_body, rates]),
             readings=readings,
-            course_heading_rad=self._mean_heading(),
-            has_fix=self._since_fix_s < FIX_HOLDS_S,
+            course_heading_rad=self._mean_heading(float(attitude[2])),
+            has_fix=(has_fix := self._since_fix_s < FIX_HOLDS_S),
+            is_by_cameras=has_fix and self._is_by_cameras,
             current=now.current,
         )
+
+    def _taken_late(self, now: WaterState, readings: Readings, late: LateFix | None) -> WaterState:
+        """Note the step's way, and take in a late fix moved by the way made since it was measured.
+
+        ``z' = fix + p(now) - p(then)``, ``R = P_fix + drift^2 age min(1, age / tau)``: the drift is
+        what eddies add up to; within their memory ``tau`` they carry the robot steadily, and less
+        far. Fixes that follow each other have most of that way, and of what cameras do not know of
+        themselves, in common: no filter becomes surer by a fix than ``R``.
+        """
+        north, east, _ = now.position_ned
+        heading_rad = float(self._attitude.attitude_rad[2])
+        self._way.correct(now.fix_shift_ne_m)
+        self._way.add((north, east), readings.depth_m, heading_rad)
+        if late is None:
+            return now
+        fix, age_s, went = late.fix, late.age_s, self._way.since(late.age_s)
+        lost_m2 = self._drift_m2_s * age_s * min(1.0, age_s / self._eddy_s)
+        there = np.add(fix.ned_m, went[:3]).tolist()
+        heading = None if fix.heading_rad is None else fix.heading_rad + float(went[3])
+        now = self._track.take_pose(
+            PoseNow(
+                position_ned=(there[0], there[1], there[2]),
+                heading_rad=heading,
+                variance_m2=fix.variance_m2 + lost_m2,
+                depth_variance_m2=fix.depth_variance_m2,
+                heading_variance_rad2=fix.heading_std_rad**2,
+            )
+        )
+        self._way.correct(now.fix_shift_ne_m)
+        self._since_fix_s, self._is_by_cameras = 0.0, True
+        return now
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
         """Take the current, north and east, that the plan counts on; None without one."""
@@ -404,32 +273,10 @@ class Navigator:
         lead_rad = self._north.convergence_rad(*self._place)
         return replace(readings, heading_rad=readings.heading_rad - lead_rad)
 
-    def _mean_heading(self) -> float:
-        newest = float(self._attitude.attitude_rad[2])
+    def _mean_heading(self, newest: float) -> float:
         self._headings.append(newest)
         wiggle = sum(math.remainder(angle - newest, math.tau) for angle in self._headings)
         return math.remainder(newest + wiggle / len(self._headings), math.tau)
-
-
-def _angles(readings: Readings) -> tuple[float, float, float]:
-    return readings.roll_rad, readings.pitch_rad, readings.heading_rad
-
-
-def _actuators(readings: Readings) -> tuple[float, float, float]:
-    return readings.net_buoyancy_kg, readings.mass_position_m, readings.tail_rad
-
-
-def _packed(command: SetPoints, net_buoyancy_kg: float) -> FloatArray:
-    """Return set points as ``extended_kernel.advance`` takes them, shape ``(5,)``."""
-    return np.array(
-        [
-            net_buoyancy_kg,
-            command.mass_position_m,
-            command.tail_rad,
-            command.tail_amplitude_rad,
-            command.tail_frequency_hz,
-        ]
-    )
 
 
 def _numbers(readings: Readings) -> list[float]:

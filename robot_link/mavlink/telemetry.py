@@ -76,7 +76,8 @@ def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
     return grace.MAVLink_grace_state_message(
         time_utc_us=microseconds(state.measured_at),
         mode=int(state.mode),
-        flags=grace.GRACE_STATE_FLAGS_HAS_FIX if state.has_fix else 0,
+        flags=grace.GRACE_STATE_FLAGS_HAS_FIX * state.has_fix
+        | grace.GRACE_STATE_FLAGS_BY_CAMERAS * state.is_by_cameras,
         **fields,
     )
 
@@ -96,6 +97,7 @@ def state_report(
         received_at=received_at,
         mode=RobotMode(message.mode),
         has_fix=bool(message.flags & grace.GRACE_STATE_FLAGS_HAS_FIX),
+        is_by_cameras=bool(message.flags & grace.GRACE_STATE_FLAGS_BY_CAMERAS),
         **_read_state(message),
     )
 

@@ -39,6 +39,7 @@ from server.fleet.status import (
     PlanInHand,
     RobotStatus,
     SatelliteStatus,
+    SentFix,
     SurfaceFault,
     remembered_link,
 )
@@ -255,6 +256,11 @@ class Fleet:
             self.touch(report.robot)
             if report.has_fix and not status.record.is_foreign:
                 self._bus.publish(FixTaken(report.robot, report.measured_at))
+
+    def note_fix_sent(self, robot: str, fix: SentFix) -> None:
+        """Note that a radio took a fix by cameras for a robot."""
+        self._statuses[robot].fix_sent = fix
+        self.touch(robot)
 
     def take_sample(self, sample: Sample) -> None:
         """Take a sample as the newest value of its variable, if it is."""

@@ -10,7 +10,7 @@ from autonomy.channel import key_at_station
 from autonomy.frames import LocalGeodetic
 from autonomy.tracking.phase import TargetPhase
 from db.record import same
-from robot_link.messages import STATE, LinkState
+from robot_link.messages import STATE, LinkState, StateReport
 from robot_link.report import VehicleReport
 from server.base.channels import Channels
 from server.fleet.actuator_words import actuators_view
@@ -40,6 +40,7 @@ from server.fleet.view import (
 from server.fleet.words import (
     IN_WORKSHOP,
     activity,
+    camera_fix_text,
     clock_time,
     onboard_plan_state,
     surface_forecast,
@@ -47,6 +48,9 @@ from server.fleet.words import (
     waiting_plan_text,
 )
 from server.vehicle.vehicles import Vehicles
+
+_FIX_TOLD_S = 5.0
+"""A fix that was sent longer ago is not the one by which a robot says that it is fixed."""
 
 FIELD_LIMIT_S = 120.0
 """Age from which a measurement of a field must look old, at the clock's normal speed."""
@@ -277,6 +281,7 @@ class FleetViews:
         latitude_deg, longitude_deg = self._geodetic[status.record.id].at(
             *state.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
         )
+        fix_text, fix_age_s = self._fix_by_cameras(status, state)
         return PositionView(
             ned_m=state.position_ned,
             std_m=state.position_std_m if math.isfinite(state.position_std_m) else None,
@@ -286,7 +291,19 @@ class FleetViews:
             measured_at=state.measured_at,
             received_at=state.received_at,
             age_s=self._fleet.age_s(state.measured_at),
+            fix_text=fix_text,
+            fix_age_s=fix_age_s,
         )
+
+    def _fix_by_cameras(self, status: RobotStatus, state: StateReport) -> tuple[str, float | None]:
+        """Return who fixed a position, where cameras did, and how old their newest fix is."""
+        if not (state.has_fix and state.is_by_cameras):
+            return "", None
+        sent = status.fix_sent
+        age_s = math.inf if sent is None else self._fleet.age_s(sent.measured_at)
+        if sent is None or age_s > _FIX_TOLD_S:
+            return camera_fix_text(None), None
+        return camera_fix_text(sent.cameras), age_s
 
     def _tracking(self, status: RobotStatus) -> TargetReportView | None:
         report = self._fleet.target_shown(status)

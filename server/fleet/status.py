@@ -59,6 +59,14 @@ _BEST_LINK_FIRST = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class SentFix:
+    """The newest fix by cameras that was sent to a robot."""
+
+    cameras: int
+    measured_at: datetime
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanInHand:
     """The plan of a robot that concerns the operator now."""
@@ -157,6 +165,7 @@ class RobotStatus:
     """Ports that the operator has disabled; see ``server.fleet.disabled_links``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
+    fix_sent: SentFix | None = None
     surface_fault: SurfaceFault | None = None
     """Why the newest order to surface was not obeyed; ``None`` once the robot is up."""
     remembered: LinkReport | None = None

@@ -76,6 +76,10 @@ class PositionView(View):
     measured_at: datetime
     received_at: datetime
     age_s: float
+    fix_text: str = ""
+    """Who fixed it, such as "fixed by 3 cameras", where the robot says that cameras did."""
+    fix_age_s: float | None = None
+    """Age of the newest fix that was sent to it; ``null`` where none was of late."""
 
 
 @dataclass(frozen=True, slots=True)

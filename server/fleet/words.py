@@ -56,6 +56,18 @@ def activity(
     return f"Last heard: {text[0].lower()}{text[1:]}" if is_old else text
 
 
+def camera_fix_text(cameras: int | None) -> str:
+    """Say who fixed a position, such as "fixed by 3 cameras".
+
+    Args:
+        cameras: How many saw the robot in the newest fix that was sent to it; None where nobody
+            knows, as of fixes that another sent.
+    """
+    if not cameras:
+        return "fixed by cameras"
+    return f"fixed by {cameras} camera{'' if cameras == 1 else 's'}"
+
+
 def _motion(state: StateReport) -> str:
     down_m_s = state.velocity_ned[2]
     way = "" if abs(down_m_s) < _SLOW_M_S else " down" if down_m_s > 0 else " up"

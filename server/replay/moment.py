@@ -24,6 +24,7 @@ from db.query.station.events import EventFilter, EventRecord, newest_events
 from robot_link.messages import STATE, LogId, RobotId, Sample
 from server.fleet.panel import FIELD_LIMIT_S
 from server.fleet.view import ChannelView, PositionView
+from server.fleet.words import camera_fix_text
 from server.link.derived import derived_values
 
 _ALARMS_MAX = 50
@@ -225,4 +226,5 @@ def position_then(place: PlaceThen, site: Site, at: datetime) -> PositionView:
         measured_at=place.measured_at,
         received_at=place.received_at,
         age_s=(at - place.measured_at).total_seconds(),
+        fix_text=camera_fix_text(None) if place.has_fix and place.is_by_cameras else "",
     )

@@ -6,6 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig, estimator_preset
+from autonomy.estimation.kernel import take_late_fix
 from autonomy.estimation.position import (
     AxisCovariance,
     blind_time_s,
@@ -359,3 +360,18 @@ def test_every_water_has_its_own_current_and_what_was_learned_is_forgotten_slowl
     assert lake.current_std_after(0.002, 0.0) == 0.002
     assert 0.005 < lake.current_std_after(0.002, 600.0) < 0.012
     assert lake.current_std_after(0.002, 1e9) == pytest.approx(0.05)
+
+
+def test_compiled_late_fix_is_the_readable_one_and_makes_nothing_surer_than_itself() -> None:
+    generator = np.random.default_rng(11)
+    for _ in range(100):
+        position, velocity = generator.uniform(1e-6, 1e-2, 2)
+        cross = generator.uniform(-0.9, 0.9) * math.sqrt(position * velocity)
+        variance = 10.0 ** generator.uniform(-6.0, 0.0)
+        axes = np.tile([0.3, -0.1, position, cross, velocity], (3, 1))
+        take_late_fix(axes, np.array([0.4, 0.2]), variance)
+        after = AxisCovariance(position, cross, velocity).take_late_fix(variance)
+        assert axes[0, 2:] == pytest.approx([after.position, after.cross, after.velocity])
+        assert axes[1, 2] >= min(variance, position)
+        assert axes[2, 2] == position
+        assert np.linalg.det([[axes[0, 2], axes[0, 3]], [axes[0, 3], axes[0, 4]]]) > 0.0

@@ -11,6 +11,7 @@ from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
 )
 from autonomy.estimation.model_filter import ModelFilter
+from autonomy.estimation.tag_filter import TagFilterConfig
 from benchmarks.estimation.estimation import (
     STEADY_M_S,
     TANK_DIVE_S,
@@ -34,7 +35,6 @@ from benchmarks.estimation.estimation_trial.follow import (
     observed_velocity,
     observer_covariance,
 )
-from benchmarks.estimation.estimation_trial.tag_filter import TagFilterConfig
 from benchmarks.estimation.estimation_trial.trial_flight import (
     PERIOD_S,
     Flight,

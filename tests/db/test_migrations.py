@@ -2,7 +2,7 @@ import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import text
+from sqlalchemy import insert, text
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.orm import Session
 from sqlalchemy.schema import CreateIndex, CreateTable
@@ -21,6 +21,8 @@ from db.query.measured.telemetry import newest_state
 from db.query.mission.studies import add_study, get_arrays, get_checkpoint, get_study, list_studies
 from db.store import Store
 from db.study_tables import Base
+from db.tables import StateRow
+from robot_link.messages import STATE
 from tests.db.conftest import ON_SQLITE, START, add_robot_as_of_old, report, robot_record, sample
 
 
@@ -43,13 +45,21 @@ def test_migrating_twice_changes_nothing(url):
     engine.dispose()
 
 
+def add_states_as_of_old(session, *reports):
+    """Keep states in the columns that the first version had."""
+    for one in reports:
+        row = STATE.values(one) | {"measured_at": one.measured_at, "received_at": one.received_at}
+        row |= {"robot_key": 1, "has_fix": one.has_fix, "mode": int(one.mode)}
+        session.execute(insert(StateRow).values(row))
+
+
 def test_a_database_of_the_first_version_keeps_its_rows(url):
     engine = write_engine(url)
     with engine.begin() as connection:
         command.upgrade(configuration(connection), "0001")
         with Session(connection) as session:
             add_robot_as_of_old(session)
-            append_telemetry(session, [report(0), report(1, 0.7)])
+            add_states_as_of_old(session, report(0), report(1, 0.7))
             session.commit()
     migrate(engine)
     with Session(engine) as session:

@@ -8,7 +8,8 @@ import pytest
 from autonomy.planner.leg import primitive
 from onboard.flight.leg import begin_leg, first_course, upstream
 from onboard.flight.maneuver import Swim
-from onboard.flight.navigation import CurrentBelief, Estimate
+from onboard.flight.navigation import Estimate
+from onboard.flight.water_track import CurrentBelief
 from simulator.fleet import MINI_1
 from tests.simulator.flight import TANK_PLANNER, Life, mission, vee
 

@@ -16,6 +16,7 @@ from autonomy.estimation.kernel import turn
 from autonomy.estimation.model_filter import LONGEST_STEP_S as MODEL_STEP_S
 from autonomy.estimation.model_filter import first_belief, process_noise
 from autonomy.estimation.position_filter import position_noise
+from autonomy.estimation.tag_filter import TagFilterConfig, tag_noise
 from autonomy.estimation.telling_stay import telling_stay_s
 from autonomy.estimation.velocity_observer import LONGEST_STEP_S, observer_gains
 from autonomy.frames import wrap_angle
@@ -26,7 +27,6 @@ from benchmarks.estimation.estimation_trial.dead_reckoning import (
     DeadReckoningConfig,
     velocity_errors,
 )
-from benchmarks.estimation.estimation_trial.tag_filter import TagFilterConfig, tag_noise
 from benchmarks.estimation.estimation_trial.trial_flight import PERIOD_S, Flight
 
 

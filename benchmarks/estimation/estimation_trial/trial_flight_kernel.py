@@ -23,9 +23,9 @@ from autonomy.estimation.model_kernel import (
     predict,
     take_fix,
 )
+from autonomy.estimation.tag_filter import measure_tag, step_tags
 from autonomy.vehicle.extended_kernel import advance
 from benchmarks.estimation.estimation_trial.dead_reckoning import fix_reckoning, reckon
-from benchmarks.estimation.estimation_trial.tag_filter import measure_tag, step_tags
 
 
 @kernel

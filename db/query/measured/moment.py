@@ -16,7 +16,7 @@ from robot_link.messages import RobotMode
 
 _REPORTS = 32
 """So many state reports are read at once; what they do not tell is looked for by itself."""
-_PLACE = ("north_m", "east_m", "depth_m", "position_std_m", "has_fix", "mode")
+_PLACE = ("north_m", "east_m", "depth_m", "position_std_m", "has_fix", "is_by_cameras", "mode")
 _COLUMNS = {name: getattr(StateRow, name) for name in _PLACE} | {
     name: column for name, column in STATE_CHANNELS.items() if name not in _PLACE
 }
@@ -41,6 +41,7 @@ class PlaceThen:
     position_std_m: float
     """Infinite where nobody knows it."""
     has_fix: bool
+    is_by_cameras: bool
     measured_at: datetime
     received_at: datetime
 
@@ -209,6 +210,7 @@ def _place(row: Any) -> PlaceThen:  # noqa: ANN401 - a row of some columns
         (row["north_m"], row["east_m"], row["depth_m"]),
         row["position_std_m"],
         row["has_fix"],
+        row["is_by_cameras"],
         row["measured_at"],
         row["received_at"],
     )

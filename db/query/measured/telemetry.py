@@ -375,5 +375,6 @@ def _report(row: StateRow, robot: str) -> StateReport:
         received_at=row.received_at,
         mode=RobotMode(0 if row.mode is None else row.mode),
         has_fix=row.has_fix,
+        is_by_cameras=row.is_by_cameras,
         **STATE.fields(numbers),
     )

@@ -8,6 +8,7 @@ from pydantic import TypeAdapter
 
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
+from server.fleet.status import SentFix
 from server.fleet.view import LiveRobotView
 from server.plan.view import LivePlanView
 from server.survey.view import LiveMissionView
@@ -34,6 +35,19 @@ async def test_fleet_says_in_words_what_each_robot_does(client, world, still):
     assert (grace["activity"], grace["mode"]) == ("Not heard yet", None)
     assert grace["model_note"] == "scaled, not identified"
     assert grace["site"]["name"] == "Practice lake"
+
+
+async def test_position_says_that_cameras_fixed_it_only_where_the_robot_says_so(
+    client, station, world
+):
+    sees = SentFix(3, datetime.now(UTC))
+    station.fleet.note_fix_sent(MINI, sees)
+    world.tell(state_report(MINI, has_fix=True))
+    assert (await client.get("/api/robots/mini-1/state")).json()["position"]["fix_text"] == ""
+    world.tell(state_report(MINI, has_fix=True, is_by_cameras=True))
+    position = (await client.get("/api/robots/mini-1/state")).json()["position"]
+    assert position["fix_text"] == "fixed by 3 cameras"
+    assert 0.0 <= position["fix_age_s"] < 5.0
 
 
 async def test_old_words_are_marked_as_old(client, world, still):

@@ -3,7 +3,7 @@ from datetime import UTC, datetime
 import pytest
 
 from robot_link.messages import CommandKind, LinkState, RobotMode
-from server.fleet.words import activity, command_text, surface_forecast
+from server.fleet.words import activity, camera_fix_text, command_text, surface_forecast
 from tests.server.fake_link import state_report
 
 DOWN, UP, LEVEL = (0.1, 0.0, 0.05), (0.1, 0.0, -0.05), (0.1, 0.0, 0.0)
@@ -59,3 +59,9 @@ def test_every_level_of_every_command_is_one_sentence(kind, level):
     assert "mini-1" in text
     assert text.endswith(".")
     assert ("obeys" in text) == (level == "applied")
+
+
+def test_fix_by_cameras_says_how_many_where_the_station_knows_it():
+    assert camera_fix_text(3) == "fixed by 3 cameras"
+    assert camera_fix_text(1) == "fixed by 1 camera"
+    assert camera_fix_text(None) == "fixed by cameras"

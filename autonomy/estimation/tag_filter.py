@@ -3,11 +3,11 @@
 Constant velocity and constant turn rate driven by white acceleration (thesis sections 3.4.3 and
 5.5.1). All noise is diagonal, so north, east, down and heading are four filters of two states. A
 pose far from the prediction is refused; after ``outlier.patience`` refusals in a row the filter
-takes itself for lost, widens its covariance and believes the next one. The simulated tank's fixes
-are positions already, so no simulated robot runs this filter.
+takes itself for lost, widens its covariance and believes the next one.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -140,3 +140,116 @@ def tag_noise(config: TagFilterConfig) -> tuple[FloatArray, FloatArray, FloatArr
         np.array([config.depth_std_m, config.gyro_std_rad_s, config.compass_std_rad]) ** 2,
         np.array([config.tag_std_m] * 3 + [config.tag_heading_std_rad]) ** 2,
     )
+
+
+_UNTOLD_RAD2 = 1e6
+"""Variance of a heading that a pose does not tell."""
+
+
+class TagFilter:
+    """Follows a robot by the poses that cameras tell of it, and by depth, compass and gyro.
+
+    It knows nothing of how the robot swims: without poses it goes on as it went.
+
+    Args:
+        config: Noise of sensors and motion; that of a pose comes with the pose.
+        position_ned: First position, m.
+        position_std_m: How well north and east are known.
+        heading_rad: First heading.
+    """
+
+    def __init__(
+        self,
+        config: TagFilterConfig,
+        position_ned: Sequence[float],
+        position_std_m: float,
+        heading_rad: float,
+    ) -> None:
+        self._density, self._variance, _ = tag_noise(config)
+        self._outlier = config.outlier
+        self._refused = np.zeros(2)
+        self._axes = np.zeros((4, 5))
+        self._axes[:, 0] = (*position_ned, heading_rad)
+        first_std = (position_std_m, position_std_m, config.depth_std_m, config.compass_std_rad)
+        self._axes[:, 2] = np.square(first_std)
+        self._axes[:, 4] = 0.1**2
+
+    @property
+    def position_ned(self) -> tuple[float, float, float]:
+        """Estimated position, m."""
+        north, east, down, _ = self._axes[:, 0].tolist()
+        return north, east, down
+
+    @property
+    def position_std_m(self) -> float:
+        """Standard deviation of the horizontal position along its worst direction, m."""
+        return math.sqrt(max(self._axes[:2, 2].tolist()))
+
+    @property
+    def heading_rad(self) -> float:
+        """Estimated heading, in ``[-pi, pi)``."""
+        return float(self._axes[3, 0])
+
+    @property
+    def refused(self) -> int:
+        """How many poses were refused as outliers so far."""
+        return int(self._refused[1])
+
+    def step(
+        self, dt_s: float, depth_m: float, attitude_rad: FloatArray, gyro_rad_s: FloatArray
+    ) -> None:
+        """Let ``dt_s`` pass, then take in depth, compass and gyro.
+
+        Args:
+            dt_s: Time since the last step, s.
+            depth_m: Measured depth.
+            attitude_rad: Measured roll and pitch, and the heading by the compass, shape ``(3,)``.
+            gyro_rad_s: Body rates, shape ``(3,)``.
+        """
+        step_tags(
+            self._axes, dt_s, depth_m, attitude_rad, gyro_rad_s, self._density, self._variance
+        )
+
+    def take_pose(
+        self,
+        position_ned: Sequence[float],
+        heading_rad: float | None,
+        variances: Sequence[float],
+        *,
+        least_m2: float,
+    ) -> tuple[float, float]:
+        """Take in a pose, after ``step``.
+
+        Args:
+            position_ned: Where the robot is now by the pose, m.
+            heading_rad: Its heading now; None where the pose tells none.
+            variances: Of north and east each, m^2, of the depth, m^2, and of the heading, rad^2.
+            least_m2: Neither north nor east becomes surer by it than this.
+
+        Returns:
+            How far it moved the position north and east, m; 0 where it was refused.
+        """
+        horizontal, down, turned = variances
+        if heading_rad is None:
+            heading_rad, turned = self.heading_rad, _UNTOLD_RAD2
+        before = self._axes[:2, 0].copy()
+        least = np.minimum(self._axes[:2, 2], least_m2)
+        is_believed = measure_tag(
+            self._axes,
+            np.array([*position_ned, heading_rad]),
+            np.array([horizontal, horizontal, down, turned]),
+            self._outlier.limit,
+            self._outlier.patience,
+            self._refused,
+        )
+        if is_believed:
+            self._axes[:2, 2] = np.maximum(self._axes[:2, 2], least)
+        north, east = (self._axes[:2, 0] - before).tolist()
+        return north, east
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    four, three, density = np.ones(4), np.zeros(3), np.ones(4)
+    measure_tag(np.ones((4, 5)), four, four, 20.0, 10, np.zeros(2))
+    step_tags(np.ones((4, 5)), 0.1, 0.0, three, three, density, np.ones(3))
