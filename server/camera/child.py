@@ -2,14 +2,14 @@
 
 import asyncio
 import contextlib
-import sys
 from collections.abc import AsyncGenerator, Sequence
 from typing import Final
 
+from robot_link.camera.process import COMMAND
 from robot_link.camera.sighting import BoardView, Order, Sighting, SourceReport, SourceSettings
 from robot_link.camera.wire import CameraReader, CameraWireError, FromCamera, framed
 
-COMMAND: Final = (sys.executable, "-m", "robot_link.camera.process")
+__all__ = ["COMMAND", "CameraChild"]
 _CHUNK_BYTES: Final = 1 << 18
 
 
