@@ -62,7 +62,7 @@ CAMERA_DOCUMENT: dict[str, Any] = {
         "measured_in": "air",
     },
     "port": {"distance_m": 0.010, "thickness_m": 0.005, "glass_index": 1.49},
-    "mount": {"position_m": [0.20, 0.0, 0.01], "position_std_m": 0.003, "angle_std_deg": 1.0},
+    "mount": {"position_m": [0.20, 0.0, 0.04], "position_std_m": 0.003, "angle_std_deg": 1.0},
 }
 """What is told of the camera of every simulated Miniglider that has one."""
 
