@@ -1,4 +1,4 @@
-"""A simulated robot's own camera: it says which tags on the tank's walls it sees, and where.
+"""A simulated robot's own camera: it says which of the tank's tags it sees, and where.
 
 No picture is drawn. The corners come from the exact model of lens and flat port at where the robot
 truly is, with noise on them (``drawn_corner``). What is hidden, blurred by motion or dark is not
@@ -33,6 +33,7 @@ from onboard.own_camera_file import CAMERA_FILE, TANK_FILE
 from robot_link.camera.sighting import TagSeen
 from robot_link.clock import Clock
 from robot_link.whole_file import replace_file
+from simulator.camera.laboratory import told_layout
 from simulator.drawn_corner import BLUR_PX, EDGE_SHARE, drawn_corners
 
 _FIRST_ID = 140
@@ -67,7 +68,12 @@ CAMERA_DOCUMENT: dict[str, Any] = {
 """What is told of the camera of every simulated Miniglider that has one."""
 
 
-def wall_layout(water: Box = TANK.water) -> Layout:
+def tank_layout() -> Layout:
+    """Return the tags of the tank as they were measured: floor and rim, and those on the walls."""
+    return Layout((*told_layout().tags, *wall_tags()))
+
+
+def wall_tags(water: Box = TANK.water) -> tuple[Tag, ...]:
     """Return the tags on the walls of a tank as they were measured."""
     tags: list[Tag] = []
     north = 0.5 * (water.x_min_m + water.x_max_m)
@@ -87,7 +93,7 @@ def wall_layout(water: Box = TANK.water) -> Layout:
             )
             tag_id = _FIRST_ID + len(tags)
             tags.append(Tag(tag_id, _SIZE_M, place, 0.0, 90.0, math.degrees(heading)))
-    return Layout(tuple(tags))
+    return tuple(tags)
 
 
 def tank_document(layout: Layout) -> dict[str, Any]:
@@ -112,7 +118,7 @@ def tank_document(layout: Layout) -> dict[str, Any]:
 def write_files(memory: Path) -> None:
     """Put what a laboratory measured into a robot's memory, where it is not there already."""
     memory.mkdir(parents=True, exist_ok=True)
-    documents = {CAMERA_FILE: CAMERA_DOCUMENT, TANK_FILE: tank_document(wall_layout())}
+    documents = {CAMERA_FILE: CAMERA_DOCUMENT, TANK_FILE: tank_document(tank_layout())}
     for name, document in documents.items():
         if not (memory / name).exists():
             replace_file(memory / name, json.dumps(document, indent=1).encode())
@@ -204,7 +210,7 @@ class SimulatedEye:
         self._clock = clock
         self._rng = rng
         told = own_camera_of(CAMERA_DOCUMENT)
-        self.truth = TrueEye.drawn(told, layout_of(tank_document(wall_layout())), rng)
+        self.truth = TrueEye.drawn(told, layout_of(tank_document(tank_layout())), rng)
         """Of which the robot is told something else."""
 
     async def views(self) -> AsyncIterator[TagView]:
