@@ -455,7 +455,8 @@ class OnboardProgram:
         self._readings = self.depth_zero.corrected(self._hardware.read())
         readings = self.executive.trim.in_model_terms(self._readings)
         self._navigator.expect_current(self.executive.planned_current_ne_m_s)
-        late = self.fixes.take(self.now)
+        # whoever made the program tells it the time only when it is made
+        late = self.fixes.take(self.now) if self.fixes.are_waiting else None
         return self._navigator.step(readings, self._set_points, began_s, late)
 
     def _measure(self, radio: Radio) -> None:

@@ -60,6 +60,11 @@ class OutsideFixes:
         self.refused += 1
         self.reason = reason
 
+    @property
+    def are_waiting(self) -> bool:
+        """Whether a fix came since the last step."""
+        return self._newest is not None
+
     def take(self, now: datetime) -> LateFix | None:
         """Return the fix that came since the last step, once; None without one."""
         fix, self._newest = self._newest, None
