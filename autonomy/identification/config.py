@@ -110,6 +110,9 @@ class IdentificationConfig(Configuration):
     """The same seed and recording give the same result."""
     model: Literal["thesis", "extended"] = quantity("extended", title="Model")
     """Forces of Eq. 3.4, or of Eq. 5.18 with cross-flow drag as simulator and observer fly."""
+    by_cameras: bool = quantity(False, title="Positions by cameras")
+    """Take the positions that cameras over the water saw, with their covariance, in place of the
+    robot's own; under water these are dead reckoning."""
     fits_offsets: bool = quantity(True, title="Actuator offsets")
     """Also find constant errors of the net buoyancy's and the sliding mass's feedback, which
     would otherwise spoil lift and pitch moment."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -22,6 +22,8 @@ ReasonKind = Literal[
     "unexplained",
 ]
 
+SEEN_APART_S = 0.6
+"""Between two places that are farther apart in time nothing is put in."""
 _RARELY = 0.2
 _OFTEN = 0.5
 """A noisy channel rarely keeps its value, and its curvature often changes sign (three times out of
@@ -80,6 +82,31 @@ class Recording:
     def inputs(self) -> FloatArray:
         """Net mass kg, sliding mass m and tail rad as fed back, shape ``(n, 3)``."""
         return np.column_stack([self.net_buoyancy_kg, self.mass_position_m, self.tail_rad])
+
+    def seen_from_outside(
+        self, time_s: FloatArray, north_east_m: FloatArray, std_m: FloatArray
+    ) -> "Recording":
+        """Return the recording with horizontal positions that others saw, and none of its own.
+
+        A row has one where it lies between two that are at most ``SEEN_APART_S`` apart.
+
+        Args:
+            time_s: When the robot was seen, strictly ascending, shape ``(m,)``.
+            north_east_m: Where, shape ``(m, 2)``.
+            std_m: Standard deviation along the worse axis, shape ``(m,)``.
+        """
+        place, std = self.position_ned.copy(), np.full(self.time_s.size, np.nan)
+        is_seen = np.zeros(self.time_s.size, dtype=np.bool_)
+        if time_s.size > 1:
+            after = np.clip(np.searchsorted(time_s, self.time_s), 1, time_s.size - 1)
+            first, last = time_s[after - 1], time_s[after]
+            is_seen = (first <= self.time_s) & (self.time_s <= last)
+            is_seen &= last - first <= SEEN_APART_S
+            for axis in (0, 1):
+                seen = np.interp(self.time_s, time_s, north_east_m[:, axis])
+                place[is_seen, axis] = seen[is_seen]
+            std[is_seen] = np.maximum(std_m[after - 1], std_m[after])[is_seen]
+        return replace(self, position_ned=place, position_std_m=std, has_fix=is_seen)
 
     def taken(self, rows: IntArray) -> "Recording":
         """Return the rows with the given indices, shape ``(m,)``."""

@@ -1,6 +1,7 @@
 """Recorded flights as the studies need them, or the sentence that says what they lack."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -8,15 +9,18 @@ import numpy as np
 from autonomy.arrays import BoolArray
 from autonomy.identification.config import SegmentRules
 from autonomy.identification.recording import Recording
-from db.column import moment
+from db.column import microseconds, moment
+from db.query.camera.fixes import iterate_fixes
 from db.query.fleet.deployments import DeploymentRecord, get_deployment, list_deployments
 from db.query.measured.state_columns import StateColumns, begin_of_last_dives, state_columns
 from db.store import Store
+from robot_link.camera.fix import CameraFix
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 
 SURFACE_DEPTH_M = 0.05
 """A report from above this is one from the surface."""
 
+_FEWEST_FIXES = 10
 ROWS_MAX = 50_000
 """Longest recording that is held against a model: 14 hours at one report a second."""
 
@@ -27,6 +31,8 @@ class Flight:
 
     deployment: DeploymentRecord
     columns: StateColumns
+    fixes: tuple[CameraFix, ...] | None = None
+    """Where cameras saw it meanwhile, in order of time; None where its own word counts."""
 
     @property
     def start_at(self) -> datetime:
@@ -41,7 +47,7 @@ class Flight:
     def recording(self) -> Recording:
         """Return the reports with their time in seconds from the first of them."""
         columns = self.columns
-        return Recording(
+        own = Recording(
             time_s=(columns.measured_at_us - columns.measured_at_us[0]) * 1e-6,
             position_ned=columns.position_ned,
             position_std_m=columns.position_std_m,
@@ -52,6 +58,15 @@ class Flight:
             tail_rad=columns.tail_rad,
             mode=None if (columns.mode < 0).all() else columns.mode,
         )
+        if self.fixes is None:
+            return own
+        begin_us = int(columns.measured_at_us[0])
+        after_s = np.array(
+            [1e-6 * (microseconds(fix.measured_at) - begin_us) for fix in self.fixes]
+        )
+        places = np.array([fix.ned_m[:2] for fix in self.fixes]).reshape(-1, 2)
+        stds = np.array([_std_m(fix) for fix in self.fixes])
+        return own.seen_from_outside(after_s, places, stds)
 
 
 async def find_deployment(store: Store, robot: str, deployment: str | None) -> DeploymentRecord:
@@ -78,8 +93,12 @@ async def read_flight(
     deployment: DeploymentRecord,
     start: datetime | None = None,
     end: datetime | None = None,
+    *,
+    by_cameras: bool = False,
 ) -> Flight:
     """Read what a robot reported in a deployment, both ends included, all of it by default.
+
+    With ``by_cameras`` it was where cameras saw it.
 
     Raises:
         Problem: 422 if the range is empty, 409 if nothing in it can be used or it is too long; the
@@ -96,7 +115,22 @@ async def read_flight(
     fault = _too_long(columns, deployment) or _fault(columns, deployment)
     if fault is not None:
         raise fault
-    return Flight(deployment, columns)
+    flight = Flight(deployment, columns)
+    if not by_cameras:
+        return flight
+    fixes = await store.query(
+        lambda s: tuple(
+            one.fix
+            for one in iterate_fixes(s, deployment.robot, flight.start_at, flight.end_at)
+            if one.fix.quality != "refused"
+        )
+    )
+    if len(fixes) < _FEWEST_FIXES:
+        raise conflict(
+            f"Cameras saw {deployment.robot} {len(fixes)} times in this time; {_FEWEST_FIXES} are"
+            " needed, or let its own positions count."
+        )
+    return replace(flight, fixes=fixes)
 
 
 async def read_last_dives(
@@ -122,6 +156,12 @@ async def read_last_dives(
     if begin is None or begin == deployment.last_at:
         return await read_flight(store, deployment)
     return await read_flight(store, deployment, begin)
+
+
+def _std_m(fix: CameraFix) -> float:
+    """Return the standard deviation of the horizontal position along its worst axis."""
+    xx, xy, _, yy, _, _ = fix.covariance_m2
+    return math.sqrt(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
 
 
 def _too_long(columns: StateColumns, deployment: DeploymentRecord) -> Problem | None:

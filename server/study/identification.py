@@ -111,7 +111,11 @@ class Identifications(Studies[IdentificationProblem]):
             raise below(problem, "config") from problem
         config = found.value_as(IdentificationConfig)
         flight = await read_flight(
-            self._store, await find_deployment(self._store, robot, deployment), start, end
+            self._store,
+            await find_deployment(self._store, robot, deployment),
+            start,
+            end,
+            by_cameras=config.by_cameras,
         )
         asked = IdentificationAsked(
             deployment=deployment,
@@ -143,7 +147,13 @@ class Identifications(Studies[IdentificationProblem]):
             lambda s: query.get_checkpoint(s, self.kind, identification)
         )
         deployment = await self._store.query(lambda s: get_deployment(s, asked.deployment))
-        flight = await read_flight(self._store, deployment, asked.data_start_at, asked.data_end_at)
+        flight = await read_flight(
+            self._store,
+            deployment,
+            asked.data_start_at,
+            asked.data_end_at,
+            by_cameras=asked.config.by_cameras,
+        )
         problem = IdentificationProblem(
             vehicle_from_document(asked.vehicle_document),
             flight.recording(),

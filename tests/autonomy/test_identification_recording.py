@@ -200,3 +200,25 @@ def test_reason_has_a_document():
     messy = with_column(recording(), "time_s", 50, recording().time_s[49])
     (reason,) = segments(messy).left_out
     assert reason.kind == "repeated"
+
+
+def test_positions_that_cameras_saw_take_the_place_of_its_own():
+    given = recording(50)
+    seen_s = np.array([0.9, 1.4, 1.8, 3.9, 4.3])
+    places = np.column_stack([seen_s, -seen_s])
+    stds = np.array([0.002, 0.003, 0.002, 0.001, 0.004])
+    seen = given.seen_from_outside(seen_s, places, stds)
+    inside = ((given.time_s >= 0.9) & (given.time_s <= 1.8)) | (
+        (given.time_s >= 3.9) & (given.time_s <= 4.3)
+    )
+    assert np.array_equal(seen.has_fix, inside)
+    assert seen.position_ned[inside, 0] == pytest.approx(given.time_s[inside])
+    assert seen.position_ned[inside, 1] == pytest.approx(-given.time_s[inside])
+    assert np.array_equal(seen.position_ned[:, 2], given.position_ned[:, 2])
+    assert np.nanmax(seen.position_std_m) == 0.004
+    assert np.isnan(seen.position_std_m[~inside]).all()
+
+
+def test_a_robot_that_cameras_saw_once_has_no_position():
+    seen = recording(50).seen_from_outside(np.array([1.0]), np.zeros((1, 2)), np.array([0.002]))
+    assert not seen.has_fix.any()

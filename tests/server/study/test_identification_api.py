@@ -13,12 +13,16 @@ from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.recording import Recording
 from autonomy.vehicle.config import MINIGLIDER
 from db.fault import StoreUnavailableError
+from db.query.camera.fixes import FixRecord
+from db.query.fleet.deployments import get_deployment
 from db.query.mission import studies as query
 from db.tables import Deployment
+from robot_link.camera.fix import CameraFix
 from robot_link.messages import RobotMode
 from server.access.role import Role
 from server.base.study import Refusal
 from server.study import flight_recording, identification_task
+from server.study.flight_recording import read_flight
 from server.study.task import IdentificationProblem
 from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.conftest import MINI, api_client, open_station, until
@@ -322,6 +326,51 @@ async def test_what_cannot_be_asked_is_refused_at_its_field(client, station, rec
         assert refused.status_code == status, (wrong, refused.text)
         if loc is not None:
             assert refused.json()["errors"][0]["loc"] == loc
+
+
+async def test_positions_by_cameras_take_the_place_of_dead_reckoning(client, station, recording):
+    body = await deployed(station, recording, has_fix=False)
+    asked = {**body, "config": {**QUICK, "by_cameras": True}}
+    path = "/api/robots/mini-1/identifications"
+    answer = await client.post(path, json=asked)
+    assert answer.status_code == 409
+    assert "Cameras saw mini-1 0 times" in answer.json()["detail"]
+    seen = [
+        FixRecord(camera_fix(BEGIN + timedelta(seconds=float(at)), place), BEGIN, None)
+        for at, place in zip(recording.time_s[:140], recording.position_ned[:140], strict=True)
+    ]
+    store = station.foundation.store
+    await asyncio.wrap_future(store.append(seen))
+    deployment = await store.query(lambda session: get_deployment(session, "deployment-1"))
+    flight = await read_flight(store, deployment, BEGIN, None, by_cameras=True)
+    found = flight.recording()
+    assert found.has_fix[:139].all()
+    assert not found.has_fix[141:].any()
+    assert found.position_std_m[:139] == pytest.approx(np.full(139, 0.002))
+    begun = await client.post(path, json=asked)
+    assert begun.status_code == 202, begun.text
+    await ended(client, begun.json())
+
+
+def camera_fix(at, place):
+    return CameraFix(
+        robot=MINI,
+        measured_at=at,
+        ned_m=tuple(place.tolist()),
+        covariance_m2=(4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6),
+        considered_covariance_m2=(3e-6, 0.0, 0.0, 3e-6, 0.0, 3e-6),
+        heading_rad=0.5,
+        heading_std_rad=0.004,
+        roll_rad=0.0,
+        pitch_rad=-0.3,
+        tilt_std_rad=0.01,
+        cameras=("tank-1", "tank-2"),
+        tags=(0, 2),
+        rms=1.1,
+        quality="good",
+        reason="",
+        calibration=None,
+    )
 
 
 async def test_too_little_to_identify_is_said_by_the_job(client, station, recording):
