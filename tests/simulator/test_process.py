@@ -81,6 +81,20 @@ async def station(chosen: SimulatorSettings) -> AsyncIterator[tuple[StationLink,
         yield link, heard
 
 
+async def test_a_robot_with_its_own_camera_says_by_radio_that_a_camera_fixed_it(tmp_path):
+    chosen = settings(tmp_path, memory_folder=tmp_path / "memory", has_own_cameras=True)
+    chosen = chosen.model_copy(update={"speed": 4.0})
+
+    def fixed(heard):
+        mine = [report for report in heard.of(StateReport) if report.robot == MINI_1.robot]
+        return [report for report in mine if report.has_fix and report.is_by_cameras]
+
+    async with simulation(chosen), station(chosen) as (_, heard):
+        await until(lambda: fixed(heard))
+    assert math.dist(fixed(heard)[0].position_ned[:2], MINI_1.start_ne_m) < 0.5
+    assert (tmp_path / "memory" / MINI_1.robot / "camera.json").exists()
+
+
 async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
     chosen = settings(tmp_path)
     plan = mission(*vee())
