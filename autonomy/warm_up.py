@@ -62,6 +62,13 @@ LATER = (
 most wanted first. The ensemble flies missions ahead, by the kernels of the flight and its own; what
 comes after it is for tanks with cameras."""
 
+OWN_CAMERA = (
+    "autonomy.vision.pose_kernel",
+    "autonomy.vision.sight_kernel",
+    "autonomy.vision.lens_kernel",
+    "autonomy.vision.refraction_kernel",
+)
+"""Those of them that a robot needs that finds itself by its own camera."""
 STEPS = (*FLIGHT, *LATER)
 """A step is a module with ``warm_up()``, which calls each of its kernels; what stands behind a
 colon is given to it."""

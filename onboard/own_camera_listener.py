@@ -1,5 +1,6 @@
 """The robot finds itself by its own camera: what the camera's node sees becomes fixes."""
 
+import asyncio
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -12,6 +13,7 @@ from autonomy.vision.corner import corner_sigma_px
 from autonomy.vision.fix import Fix, NoFix, Sighting, Telemetry
 from autonomy.vision.onboard.own_fix import CAMERA, find_self
 from autonomy.vision.quality import judge
+from autonomy.warm_up import OWN_CAMERA, compile_step
 from onboard.flight.navigation import Estimate
 from onboard.log import OnboardLog
 from onboard.node.camera import STATE, TAGS
@@ -73,7 +75,9 @@ class OwnCameraListener:
         """Pictures without a fix, by the reason without its numbers."""
 
     async def run(self) -> None:
-        """Listen until cancelled."""
+        """Listen until cancelled, from when the kernels are there: flying waits for no compiler."""
+        for step in OWN_CAMERA:
+            await asyncio.to_thread(compile_step, step)
         async for said in self._tags:
             self.take(said)
 
