@@ -67,6 +67,7 @@ def install(foundation: Foundation) -> None:
             statuses.drop(told.id)
             boards.drop(told.id)
             pictures.drop(told.id)
+            watch.drop(told.id)
             rig.renew()
         processes.changed(told)
         feed.mark("cameras")

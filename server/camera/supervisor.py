@@ -131,6 +131,9 @@ class Supervisor:
     async def watch_silence(self) -> None:
         """Raise and clear the alarm about a camera that sends no pictures, until cancelled."""
         cause, alarms = f"camera-silent:{self.status.camera}", self._around.alarms
+        if alarms.standing(cause, None) is not None:  # since before the station began
+            await self._picture_came.wait()
+            await alarms.clear(cause)
         while True:
             left_s = self._picture_s + self._around.config().silent_alarm_s - monotonic_s()
             if left_s > 0.0:

@@ -40,6 +40,7 @@ _APPLIED_M: Final = 0.0003
 _PLATE_CHECKS: Final = 3
 _ROUGH_RAD: Final = math.radians(1.0)
 _LEVEL, _ROUGH = "camera-level", "camera-ripples"
+_CAUSES = ("camera-moved:", "camera-plate:", "camera-twice:", _LEVEL, _ROUGH)
 
 
 class CameraWatch:
@@ -61,7 +62,6 @@ class CameraWatch:
         self._twice: Counter[tuple[str, int]] = Counter()
         self._off_plates: Counter[int] = Counter()
         self._told_level_m = 0.0
-        self._causes: set[str] = set()
         self.level_words = ""
         """What is known of the water's level, in words."""
         self.ripple_deg = 0.0
@@ -91,17 +91,24 @@ class CameraWatch:
             self._rig.leave_out(())
             for camera in () if self._rig.calibrated is None else self._rig.calibrated.cameras:
                 self._statuses.of(camera).stand = Stand()
-            causes, self._causes = self._causes, set()
-            for cause in causes:
-                self._alarm(self._foundation.alarms.clear(cause))
+            self._clear_all("")
 
     async def run(self) -> None:
-        """Judge once a second while cameras see something, until cancelled."""
+        """Judge once a second while cameras see something, until cancelled.
+
+        What stood when the station last ran is told again where it still is so.
+        """
+        self._clear_all("")
         while True:
             self._news.clear()
             await self._news.wait()
             await self._look()
             await asyncio.sleep(PERIOD_S)
+
+    def drop(self, camera: str) -> None:
+        """Forget a camera that is gone."""
+        self._clear_all(f"camera-moved:{camera}")
+        self._clear_all(f"camera-twice:{camera}:")
 
     async def stop(self) -> None:
         """End the process that works it out."""
@@ -230,15 +237,19 @@ class CameraWatch:
 
     def _raise(self, cause: str, text: str, level: str, action: str) -> None:
         standing = self._foundation.alarms.standing(cause, None)
-        self._causes.add(cause)
         if standing is None or (standing.text, standing.level) != (text, level):
             alarms = self._foundation.alarms
             self._alarm(alarms.raise_(cause, text, level=level, action=action))
 
     def _clear(self, cause: str) -> None:
-        if cause in self._causes:
-            self._causes.discard(cause)
+        if self._foundation.alarms.standing(cause, None) is not None:
             self._alarm(self._foundation.alarms.clear(cause))
+
+    def _clear_all(self, begin: str) -> None:
+        """Clear every alarm of this watch whose cause begins so."""
+        for alarm in self._foundation.alarms.open:
+            if alarm.cause.startswith(_CAUSES) and alarm.cause.startswith(begin):
+                self._clear(alarm.cause)
 
     def _alarm(self, work: Coroutine[Any, Any, object]) -> None:
         self._foundation.background.start("alarm about cameras", work)
