@@ -8,13 +8,16 @@ own picture alone, so they are eliminated picture by picture and nine or fewer u
 with the derivatives L of the corners by the lens and B by the pose. The inverse of the same matrix,
 scaled by the residuals, is the covariance.
 
+A few corners of a board that is tilted much are found pixels away from where they are. They are
+left out once all others have told the lens; a picture of which many corners do not fit is refused.
+
 Source:
     Triggs and others, "Bundle adjustment - a modern synthesis", LNCS 1883, 2000, section 6.1.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +35,12 @@ GREATEST_VIEW_SHARE = 3.0
 """Residual of one picture over the median of all, from which on it is wrong."""
 LEAST_TILT_RAD = math.radians(10.0)
 """The boards of some two pictures must be turned against each other by so much."""
+FARTHEST_OFF = 5.0
+"""Of the median residual, from which on a corner is not believed."""
+LEAST_OFF_PX = 0.4
+"""No corner that is nearer is left out."""
+MOST_LEFT_OUT = 0.25
+"""Part of a picture's corners that may be left out; where it is more, the picture is wrong."""
 _LEAST_RMS_PX = 0.05
 _FARTHEST_PIXEL = 1e5
 _MOST_STEPS = 60
@@ -88,6 +97,10 @@ def calibrate_lens(
     lens, poses = begun
     fit = _Fit(lens, poses, usable)
     fit.run()
+    believed = _believed(fit)
+    if believed is not None:
+        fit = _Fit(fit.lens, fit.poses, believed)
+        fit.run()
     return _judged(fit)
 
 
@@ -152,6 +165,28 @@ class _Fit:
             right_side += L.T @ off - cross.T @ inverse @ right
             parts.append((inverse, right, cross))
         return total, right_side, parts
+
+
+def _believed(fit: _Fit) -> list[BoardView] | None:
+    """Return the pictures without corners that do not fit; none where all corners do."""
+    off = [
+        np.linalg.norm(fit.lens.project(pose.of_points(view.points_m)) - view.pixels, axis=1)
+        for pose, view in zip(fit.poses, fit.views, strict=True)
+    ]
+    limit_px = max(LEAST_OFF_PX, FARTHEST_OFF * float(np.median(np.concatenate(off))))
+    views: list[BoardView] = []
+    for view, away in zip(fit.views, off, strict=True):
+        fits = away <= limit_px
+        few = fits.sum() >= max(FEWEST_CORNERS, (1.0 - MOST_LEFT_OUT) * len(fits))
+        views.append(
+            replace(view, points_m=view.points_m[fits], pixels=view.pixels[fits]) if few else view
+        )
+    left_out = sum(map(_corners, fit.views)) - sum(map(_corners, views))
+    return views if left_out else None
+
+
+def _corners(view: BoardView) -> int:
+    return len(view.pixels)
 
 
 def _cost(lens: Lens, poses: Sequence[Pose], views: Sequence[BoardView]) -> float:

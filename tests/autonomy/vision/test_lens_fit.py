@@ -74,6 +74,21 @@ def test_a_picture_that_is_wrong_is_named():
     assert "picture view 4 does not fit" in answer.reason
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_few_corners_that_are_pixels_off_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    views = drawn_views(PINHOLE, 16, 40 + seed)
+    for i in rng.choice(len(views), 5, replace=False):
+        pixels = views[i].pixels.copy()
+        for j in rng.choice(len(pixels), 3, replace=False):
+            pixels[j] += rng.uniform(1.0, 4.0) * np.array([np.cos(j), np.sin(j)])
+        views[i] = replace(views[i], pixels=pixels)
+    found = calibrated(PINHOLE, views)
+    assert isinstance(found, LensCalibration), found.reason
+    assert np.array(found.lens.focal_px) == pytest.approx(np.array(PINHOLE.focal_px), rel=1e-3)
+    assert found.rms_px == pytest.approx(0.1, rel=0.1)
+
+
 def test_corners_that_are_all_bad_are_refused():
     answer = calibrated(PINHOLE, drawn_views(PINHOLE, 12, 2, noise_px=1.5))
     assert isinstance(answer, Refusal)
