@@ -3,7 +3,7 @@
 from server.access.subject import Subjects
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
-from server.camera import route, tag_route
+from server.camera import print_route, route, tag_route
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
 from server.camera.event import CameraChanged, PictureSeen, RigChanged, TagsChanged
@@ -27,6 +27,7 @@ ROUTERS = (
     picture_route.router,
     keeping_route.router,
     tag_route.router,
+    print_route.router,
 )
 
 
