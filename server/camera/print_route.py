@@ -45,7 +45,9 @@ async def get_sheets(caller: Viewer, ids: Ids, size_m: Size = 0.1) -> Response:
     except ValueError as error:
         field, _, words = str(error).partition(": ")
         name = "size_m" if field == "size" else "ids"
-        raise unprocessable("1 field is wrong.", [FieldError(loc=["query", name], msg=words)]) from error
+        raise unprocessable(
+            "1 field is wrong.", [FieldError(loc=["query", name], msg=words)]
+        ) from error
 
 
 @router.get("/board.pdf", response_class=Response, responses=_answer(_PDF, "The board."))

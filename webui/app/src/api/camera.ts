@@ -6,6 +6,8 @@ import type { TagSet } from './types';
 
 type Schemas = components['schemas'];
 
+export type LensKind = NonNullable<Schemas['LensOrder']['kind']>;
+
 /** Cameras over the tank, their tags and their calibrations. */
 export class CameraApi {
   readonly #http: Client<paths, 'application/json'>;
@@ -40,6 +42,37 @@ export class CameraApi {
       ),
     );
 
+  boards = (camera: string) => told(this.#http.GET('/api/cameras/{camera}/boards', of({ camera })));
+  takeBoard = (camera: string, kind: LensKind) =>
+    job(this.#http.POST('/api/cameras/{camera}/boards', { ...of({ camera }), body: { kind } }));
+  /** Forget one picture of the board, or all. */
+  forgetBoards = (camera: string, number: number | null = null) =>
+    told(this.#http.DELETE('/api/cameras/{camera}/boards', of({ camera }, { number: number })));
+  calibrateLens = (camera: string, kind: LensKind) =>
+    job(this.#http.POST('/api/cameras/{camera}/lens', { ...of({ camera }), body: { kind } }));
+
+  /** The cameras that robots are found by, and the water that they look into. */
+  rig = () => told(this.#http.GET('/api/camera-rig'));
+  adjust = (body: Schemas['AdjustOrder']) => job(this.#http.POST('/api/cameras/adjust', { body }));
+  measureAccuracy = () => job(this.#http.POST('/api/camera-rig/accuracy'));
+
+  /** What the page that a camera looks at is to show. */
+  latencyCheck = (camera: string) =>
+    told(this.#http.GET('/api/cameras/{camera}/latency', of({ camera })));
+  checkLatency = (camera: string) =>
+    told(this.#http.POST('/api/cameras/{camera}/latency', of({ camera })));
+
+  keptPictures = () => told(this.#http.GET('/api/camera-pictures'));
+  keepPictures = (body: Schemas['KeepOrder']) =>
+    told(this.#http.POST('/api/camera-pictures', { body }));
+  stopKeeping = () => told(this.#http.DELETE('/api/camera-pictures'));
+  deletePictures = (deployment: string) =>
+    told(this.#http.DELETE('/api/camera-pictures/{deployment}', of({ deployment })));
+
+  /** Where cameras found a robot from a moment on, the refused ones too. */
+  fixes = (robot: string, query: { start: string }) =>
+    told(this.#http.GET('/api/robots/{robot}/fixes', of({ robot }, query)));
+
   async tags(): Promise<Versioned<TagSet>> {
     return versioned(await this.#http.GET('/api/tags'));
   }
@@ -48,4 +81,8 @@ export class CameraApi {
     const params = { header: etag ? { 'if-match': etag } : {} };
     return versioned(await this.#http.PUT('/api/tags', { params, body }));
   }
+}
+
+async function job(answer: Promise<{ data?: { id: string } }>): Promise<{ job: string }> {
+  return { job: (await told(answer)).id };
 }

@@ -28,6 +28,7 @@ export type LayerKey =
   | 'plan'
   | 'band'
   | 'predicted'
+  | 'seen'
   | 'places'
   | 'others';
 
@@ -74,6 +75,7 @@ export class SiteDrawing {
   readonly #expected = L.layerGroup();
   readonly #bands = bandRenderer('band');
   readonly #silent = new SitePredicted();
+  readonly #seen = new SitePredicted('map-seen');
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
   readonly #surveyed = L.layerGroup();
@@ -122,6 +124,7 @@ export class SiteDrawing {
       plan: L.layerGroup(),
       places: L.layerGroup(),
       others: L.layerGroup(),
+      seen: this.#seen.group,
     };
     for (const group of Object.values(this.#groups)) group.addTo(map);
     this.#sketches.addTo(map);
@@ -250,6 +253,11 @@ export class SiteDrawing {
 
   showPredicted(marks: readonly PredictedMark[]): void {
     this.#silent.show(marks);
+  }
+
+  /** Where cameras saw robots. */
+  showSeen(marks: readonly PredictedMark[]): void {
+    this.#seen.show(marks);
   }
 
   showTracks(tracks: readonly Track[]): void {

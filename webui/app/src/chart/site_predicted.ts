@@ -11,10 +11,19 @@ interface Drawn {
   parts: L.LayerGroup;
 }
 
-/** Where robots that are not heard should be: the way, the 90 % ellipse and a hollow mark. */
+/**
+ * Where robots are by another word than their own, as a way, an ellipse and a hollow mark: where
+ * they should be while they are not heard (90 %), or where cameras saw them (95 %).
+ */
 export class SitePredicted {
+  readonly #look: string;
   readonly group = L.layerGroup();
   readonly #drawn = new Map<string, Drawn>();
+
+  /** @param look Beginning of its classes. */
+  constructor(look = 'map-predicted') {
+    this.#look = look;
+  }
 
   show(marks: readonly PredictedMark[]): void {
     const ids = new Set(marks.map(({ id }) => id));
@@ -33,14 +42,14 @@ export class SitePredicted {
   }
 
   #add(id: string): Drawn {
-    const way = L.polyline([], { className: 'map-predicted-way', interactive: false });
-    const ellipse = L.polygon([], { className: 'map-predicted-ellipse', interactive: false });
-    const place = L.circleMarker([0, 0], { radius: 6, className: 'map-predicted-place' });
+    const way = L.polyline([], { className: `${this.#look}-way`, interactive: false });
+    const ellipse = L.polygon([], { className: `${this.#look}-ellipse`, interactive: false });
+    const place = L.circleMarker([0, 0], { radius: 6, className: `${this.#look}-place` });
     place.bindTooltip('', {
       permanent: true,
       direction: 'bottom',
       offset: [0, LABEL_GAP_PX],
-      className: 'map-name map-predicted-name',
+      className: `map-name ${this.#look}-name`,
     });
     const parts = L.layerGroup([way, ellipse, place]);
     parts.addTo(this.group);

@@ -218,6 +218,11 @@ export class Station {
     return `${this.#interruptions} ${this.#revisions[key] ?? 0} ${logged}`;
   }
 
+  /** Whether the station has ever marked a resource. */
+  isMarked(resource: string): boolean {
+    return resource in this.#revisions;
+  }
+
   #count(resource: string, robot: string | null): void {
     for (const key of [resource, `${resource}/${robot ?? ''}`]) {
       this.#logged[key] = (this.#logged[key] ?? 0) + 1;
