@@ -9,8 +9,8 @@ from robot_link.camera.sighting import Sighting
 from server.base.job import JobError, JobProgress
 from server.camera.event import PictureSeen
 
-PATIENCE_S: Final = 90.0
-"""So long somebody waits for all pictures."""
+PATIENCE_S: Final = 45.0
+"""So long somebody waits while no camera brings the whole any further."""
 SeekEverywhere = Callable[[str, bool], None]
 
 
@@ -66,16 +66,21 @@ class Collector:
         for camera in cameras:
             self._seek_everywhere(camera, True)
         try:
-            async with asyncio.timeout(patience_s):
+            async with asyncio.timeout(patience_s) as patience:
+                share = 0.0
                 while gathering.share < 1.0:
                     gathering.came.clear()
                     await gathering.came.wait()
+                    if gathering.share > share:
+                        share = gathering.share
+                        patience.reschedule(asyncio.get_running_loop().time() + patience_s)
                     progress.report(0.8 * gathering.share, "Gathers pictures.")
         except TimeoutError:
             fewest = min(cameras, key=lambda camera: len(gathering.seen[camera]))
             had = len(gathering.seen[fewest])
             raise JobError(
-                f"{fewest} sent {had} of {count} pictures that can be used in {patience_s:.0f} s."
+                f"{fewest} sent {had} of {count} pictures that can be used, and none for "
+                f"{patience_s:.0f} s."
             ) from None
         finally:
             self._gatherings.remove(gathering)

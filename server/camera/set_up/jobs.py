@@ -30,7 +30,7 @@ from server.camera.task import AdjustProblem, Found, KnownLens, LensProblem, Rea
 ADJUST_PICTURES: Final = 50
 LEVEL_STD_M: Final = 0.005
 _ACCURACY: Final = "camera.accuracy"
-_LATENCY_PATIENCE_S: Final = 60.0
+_LATENCY_PATIENCE_S: Final = 30.0
 _LEAD_S: Final = 1.0
 _BUSY: Final = "The cameras are being adjusted already."
 

@@ -131,7 +131,8 @@ def main() -> None:
     while True:
         begun = time.monotonic()
         tank.picture()
-        time.sleep(max(0.0, PERIOD_S - (time.monotonic() - begun)))
+        period_s = PERIOD_S * tank.rng.uniform(0.6, 1.4)  # never in step with a screen
+        time.sleep(max(0.0, period_s - (time.monotonic() - begun)))
 
 
 if __name__ == "__main__":
