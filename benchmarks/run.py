@@ -42,7 +42,7 @@ AREAS = {
     "design_check": "benchmarks.planning.design_check",
     "tags": "benchmarks.field.tags",
     "camera_detection": "benchmarks.vision.detection",
-    "camera_fix": "benchmarks.vision.fix",
+    "camera_picture": "benchmarks.vision.picture",
     "own_camera": "benchmarks.vision.own_camera",
     "water": "benchmarks.planning.water",
     "base_map": "benchmarks.station.base_map",

@@ -62,7 +62,7 @@ class FaultKind:
     """Something that somebody may cause, and what undoes it."""
 
     field: str
-    """The time of ``RobotFaults`` that says when it comes."""
+    """The time of ``RobotFaults`` that says when it comes; empty of what is no robot's."""
     title: str
     words: str
     """What happens, as a sentence goes on."""

@@ -69,7 +69,8 @@ class SimulatorSettings(Configuration):
     is_far: bool = False
     """Robots that can begin out of radio range do."""
     fixed_by_cameras: tuple[RobotId, ...] = ()
-    """Robots that cameras see: no sensor of theirs tells them where they are."""
+    """Robots that cameras see: no sensor of theirs tells them where they are. Below emulated
+    cameras all robots of the tank are."""
     surface_depth_m: float | None = Field(default=None, gt=0.0, le=2.0)
     """Deeper than this those robots take no fix; as delivered without."""
     has_ctd: bool = False
@@ -213,7 +214,8 @@ class SimulatorSettings(Configuration):
         if self.has_own_cameras and definition.site.kind == "tank":
             seeing = replace(definition, has_own_camera=True)
             definition = seeing.fixed_by_cameras(definition.surface_depth_m)
-        if robot in self.fixed_by_cameras:
+        hangs_before_cameras = self.cameras > 0 and definition.site.kind == "tank"
+        if hangs_before_cameras or robot in self.fixed_by_cameras:
             definition = definition.fixed_by_cameras(self.surface_depth_m)
         return definition.far_away() if self.is_far else definition
 

@@ -14,6 +14,7 @@ from server.fix.fusion import Fusion
 from server.fix.gathering import Pace
 from server.fix.records import FixRecords
 from server.fleet.fleet import Fleet
+from server.fleet.status import SentFix
 from server.link.event import StateReported
 from server.link.radios import Radios
 
@@ -63,6 +64,7 @@ class FixFollowing:
 
     def _sent(self, fix: CameraFix, at: datetime) -> None:
         self._records.note_sent(fix, at)
+        self._fleet.note_fix_sent(fix.robot, SentFix(len(fix.cameras), fix.measured_at))
 
     def _compare(self, state: StateReport, fix: CameraFix) -> None:
         apart = compared(state, fix)

@@ -16,7 +16,7 @@ from autonomy.site import TANK
 from autonomy.vision.camera import Camera
 from autonomy.vision.lens import Lens
 from autonomy.vision.rigid import Pose
-from autonomy.vision.tag import Bundle, Layout, Tag
+from autonomy.vision.tag import ROBOT_IDS, Bundle, Layout, Tag
 from robot_link.messages import RobotId
 from simulator.camera.scene import Scene
 from simulator.fleet import FLEET, is_sub
@@ -33,6 +33,7 @@ _AIMS_NE_M = ((-1.0, -0.3), (0.0, 0.3), (1.0, -0.3))
 """Where they look at 0.6 m below the level."""
 _FLOOR_NORTHS_M, _FLOOR_EASTS_M = (-1.8, -0.6, 0.6, 1.8), (-1.05, 0.0, 1.05)
 _RIM_NORTHS_M, _RIM_EASTS_M = (-1.3, 0.0, 1.3), (-1.2, 1.2)
+_NUMBERS = len(ROBOT_IDS) // 3
 _RIM_M, _FOOT_M = 0.15, 0.02
 """Height of the rim's tags above the nominal level, and of the feet of those on the floor."""
 
@@ -62,11 +63,11 @@ def told_layout() -> Layout:
     tags: list[Tag] = []
     floor = [(n, e) for n in _FLOOR_NORTHS_M for e in _FLOOR_EASTS_M]
     for i, (n, e) in enumerate(floor):
-        place = (north + n, east + e, TANK.water.depth_max_m - _FOOT_M)
+        place = (round(north + n, 3), round(east + e, 3), TANK.water.depth_max_m - _FOOT_M)
         tags.append(Tag(FIRST_FLOOR_ID + i, SIZE_M, place, heading_deg=20.0 * i))
     rim = [(n, e) for n in _RIM_NORTHS_M for e in _RIM_EASTS_M]
     for i, (n, e) in enumerate(rim):
-        place = (north + n, east + e, -_RIM_M)
+        place = (round(north + n, 3), round(east + e, 3), -_RIM_M)
         tags.append(Tag(FIRST_RIM_ID + i, SIZE_M, place, heading_deg=-35.0 * i))
     return Layout(tuple(tags))
 
@@ -93,8 +94,20 @@ def told_bundle(robot: str, number: int) -> Bundle:
 
 
 def told_bundles(robots: Sequence[str]) -> tuple[Bundle, ...]:
-    """Return the tags of robots, which get their ids in this order."""
-    return tuple(told_bundle(robot, number) for number, robot in enumerate(robots))
+    """Return the tags of robots: ``mini-3`` has those of number 2, others what is free.
+
+    Raises:
+        ValueError: If there are no ids left for one.
+    """
+    numbers: dict[str, int] = {}
+    for robot in robots:
+        kind, _, number = robot.partition("-")
+        if kind == "mini" and number.isdecimal() and 1 <= int(number) <= _NUMBERS:
+            numbers[robot] = int(number) - 1
+    free = (number for number in range(_NUMBERS + 1) if number not in numbers.values())
+    return tuple(
+        told_bundle(robot, numbers[robot] if robot in numbers else next(free)) for robot in robots
+    )
 
 
 def layout_document() -> dict[str, object]:

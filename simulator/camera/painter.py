@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from autonomy.arrays import IntArray
+from autonomy.arrays import FloatArray, IntArray
 from autonomy.vision.camera import Camera
 from autonomy.vision.rigid import Pose
 from simulator.camera import trace_kernel as kernel
@@ -145,8 +145,8 @@ class Painter:
             moving = moving.beside(shown(self.scene, self.camera, self._board, held, self._prints))
         return moving
 
-    def _traced(self, box: IntArray, things: Shown, waves: object) -> _Film:
-        """Trace a rectangle; without waves all of it, with them only what shows things."""
+    def _traced(self, box: IntArray, things: Shown, waves: FloatArray | None) -> _Film:
+        """Trace a rectangle under some waves, where it shows things; all of it if none are told."""
         rows, columns = int(box[1] - box[0]), int(box[3] - box[2])
         is_still = waves is not None
         film = self._sharp.part(box).copy() if is_still else _Film.blank(rows, columns)
@@ -155,7 +155,7 @@ class Painter:
             self._rays,
             self.camera.pose.position_m,
             self._world,
-            waves if isinstance(waves, np.ndarray) else np.zeros((0, 5)),
+            np.zeros((0, 5)) if waves is None else waves,
             things.panels,
             things.panel_boxes,
             things.hulls,

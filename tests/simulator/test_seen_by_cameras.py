@@ -31,6 +31,13 @@ def test_robot_before_cameras_never_reads_its_place_off_the_truth():
     assert not any(fixes(settings(fixed_by_cameras=(MINI,)).definition(MINI)))
 
 
+def test_emulated_cameras_are_all_that_tells_a_robot_of_the_tank_its_place():
+    below = settings(cameras=3, surface_depth_m=1.2)
+    assert not any(fixes(below.definition(MINI)))
+    assert below.definition(MINI).estimator.surface_depth_m == 1.2
+    assert below.definition(GRACE) == FLEET[GRACE]
+
+
 def test_robots_that_no_camera_sees_are_as_before():
     seen = settings(fixed_by_cameras=(MINI,), surface_depth_m=1.2)
     assert seen.definition(GRACE) == FLEET[GRACE]

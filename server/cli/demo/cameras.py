@@ -23,7 +23,7 @@ BY = "grace demo"
 
 
 def tell_cameras(session: Session, robots: Iterable[RobotId], port: int, at: datetime) -> None:
-    """Make the cameras and the tags known to a folder's database, unless somebody did.
+    """Make cameras and tags known to a folder's database; tags that it knows stay as they are.
 
     Args:
         session: Transaction.
@@ -38,9 +38,14 @@ def tell_cameras(session: Session, robots: Iterable[RobotId], port: int, at: dat
             add_camera(session, name, uri, at=at, by=BY)
         elif known[name].uri != uri:
             change_camera(session, name, {"uri": uri}, at=at)
-    if newest_tag_set(session) is None:
-        bundles = tuple(bundle_documents(tank_robots(robots)))
-        add_tag_set(session, layout_document(), bundles, at=at, by=BY)
+    told, bundles = newest_tag_set(session), bundle_documents(tank_robots(robots))
+    if told is None:
+        add_tag_set(session, layout_document(), tuple(bundles), at=at, by=BY)
+        return
+    names = {bundle["robot"] for bundle in told.bundles}
+    new = tuple(bundle for bundle in bundles if bundle["robot"] not in names)
+    if new:
+        add_tag_set(session, told.layout, (*told.bundles, *new), at=at, by=BY)
 
 
 def camera_link(robot: RobotId) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from autonomy.vision.sight import corners_seen
 from onboard.node.client import NodeClient
 from onboard.node.wire import NodeAddress
 from simulator.background import alongside
-from simulator.camera.laboratory import told_document, true_scene
+from simulator.camera.laboratory import told_bundles, told_document, true_scene
 from simulator.camera.tank import EmulatedTank, board_poses
 from simulator.fault_desk import FAULTS
 from simulator.fleet import MINI_1
@@ -187,3 +187,15 @@ def test_what_is_told_of_the_laboratory_is_not_the_truth():
     said = np.array([tag["position_m"] for tag in told["layout"]["tags"]])
     assert 0.001 < (true - said).std() < 0.003
     assert len(told["layout"]["tags"]) >= 18
+
+
+def test_every_robot_has_ids_of_its_own_whoever_else_is_there():
+    for robots, numbers in (
+        (["mini-2"], [1]),
+        (["mini-3", "mini-1"], [2, 0]),
+        (["own-a", "mini-1", "own-b"], [1, 0, 2]),
+    ):
+        bundles = told_bundles(robots)
+        assert [bundle.tags[0].id // 3 for bundle in bundles] == numbers
+    with pytest.raises(ValueError, match="none of a robot"):
+        told_bundles([f"mini-{number}" for number in range(1, 34)] + ["own-a"])
