@@ -5,8 +5,10 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import Any
 
+import numpy as np
 from sqlalchemy.orm import Session
 
+from autonomy.arrays import FloatArray
 from autonomy.field.carriage import Carrier
 from autonomy.field.score import Scores
 from db.column import moment
@@ -26,6 +28,7 @@ from server.map.grid import grid_of
 from server.map.group import MapGroup
 from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
 from server.map.samples import field_samples, in_moving_water, map_columns, usable
+from server.map.seen import places_seen
 from server.map.site_map import basis_of, view_on_grid
 from server.map.task import Compared, ComparisonProblem
 from server.map.view import (
@@ -99,11 +102,14 @@ class MapComparisons:
         self, robot: str, group: MapGroup, progress: JobProgress, by: str
     ) -> dict[str, Any]:
         progress.wait_for_process()
-        columns = await self._store.query(
-            lambda session: map_columns(session, group.robots, group.channel, group.spans)
-        )
+
+        def read(session: Session) -> tuple[SampleColumns, FloatArray]:
+            found = usable(map_columns(session, group.robots, group.channel, group.spans))
+            return found, places_seen(session, group.robots, found)
+
+        columns, seen = await self._store.query(read)
         carrier = self._maps.carrier(group)
-        problem = await asyncio.to_thread(_problem, group, columns, carrier)
+        problem = await asyncio.to_thread(_problem, group, columns, seen, carrier)
         found: Compared = await answer_of(
             self._foundation.decisions.make(
                 COMPARED_MODELS,
@@ -152,14 +158,19 @@ def map_group(maps: FieldMaps, fleet: Fleet, robot: str, variable: str) -> MapGr
     return group
 
 
-def _problem(group: MapGroup, columns: SampleColumns, carrier: Carrier | None) -> ComparisonProblem:
+def _problem(
+    group: MapGroup, columns: SampleColumns, seen: FloatArray, carrier: Carrier | None
+) -> ComparisonProblem:
+    """Return the problem; a map that is carried along with the water has no other places."""
     samples = field_samples(columns)
+    is_placed = group.config.carriage == "still" and bool(np.isfinite(seen).any())
     return ComparisonProblem(
         field=group.config,
         domain=group.domain,
         site=group.site,
         samples=in_moving_water(samples, group.config, carrier, group.domain),
         is_simulated=group.is_simulated,
+        places_seen=seen if is_placed else None,
     )
 
 

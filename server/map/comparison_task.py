@@ -2,10 +2,12 @@
 
 A simulated field is known everywhere. Else every dive is held out once, whole, and the models made
 of the others are scored at its samples: neighbours of a sample on the same dive know it too well.
+Where cameras saw the robot, it is scored at the places that they tell: the robot's own may be wrong
+by what the map is wrong by.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from autonomy.field.score import Scores, score
 from autonomy.field.synthetic import truth
 from server.map.field_model import MODEL_TITLES, MODELS
 from server.map.grid import grid_of
-from server.map.task import Against, Compared, ComparedModel, ComparisonProblem
+from server.map.task import PLACED_BY_CAMERAS, Against, Compared, ComparedModel, ComparisonProblem
 from server.map.task_model import SCORING, domain_points, map_of
 
 FOLDS = 4
@@ -51,6 +53,9 @@ class _Truth:
 def run(problem: ComparisonProblem, report: Report, is_cancelled: Callable[[], bool]) -> Compared:
     """Return every model conditioned on all samples, with its scores."""
     against, known, folds, message = _yardstick(problem)
+    scored = problem.samples
+    if against == PLACED_BY_CAMERAS and problem.places_seen is not None:
+        scored = replace(scored, points=problem.places_seen)
     models: list[ComparedModel] = []
     notes = [message] if message else []
     if problem.field.carriage == "water":
@@ -66,7 +71,7 @@ def run(problem: ComparisonProblem, report: Report, is_cancelled: Callable[[], b
                 covariance = model.covariance(known.points)
                 scores = score(model.mean(known.points), covariance, known.values)
             else:
-                scores = _held_out(problem, config, folds, is_cancelled)
+                scores = _held_out(problem, config, folds, scored, is_cancelled)
         except ValueError as error:
             # Not every model can use every kernel.
             notes.append(f"{MODEL_TITLES[key]} is left out: {error}.")
@@ -83,6 +88,11 @@ def _yardstick(
     known = _truth(problem) if problem.is_simulated else None
     if known is not None:
         return "truth", known, [], ""
+    if problem.places_seen is not None:
+        is_seen = ~np.isnan(problem.places_seen[:, 0])
+        folds = held_out_parts(problem.samples, is_seen)
+        if folds:
+            return PLACED_BY_CAMERAS, None, folds, ""
     folds = held_out_parts(problem.samples)
     if folds:
         return "held-out samples", None, folds, ""
@@ -101,16 +111,18 @@ def _truth(problem: ComparisonProblem) -> _Truth | None:
     return _Truth(points, problem.field.in_model_scale(values)) if len(points) else None
 
 
-def held_out_parts(samples: FieldSamples) -> list[BoolArray]:
+def held_out_parts(samples: FieldSamples, among: BoolArray | None = None) -> list[BoolArray]:
     """Deal the dives of samples into parts, and mark the samples of each.
 
     Args:
         samples: All of them.
+        among: Samples that can be scored, shape ``(n,)``; without it all can.
 
     Returns:
         Masks of shape ``(n,)``, at most ``FOLDS``; none where there are not two dives.
     """
-    numbers, counts = np.unique(samples.dive, return_counts=True)
+    scored = samples.dive if among is None else samples.dive[among]
+    numbers, counts = np.unique(scored, return_counts=True)
     dives = numbers[counts >= LEAST_DIVE]
     parts = min(FOLDS, len(dives))
     if parts < 2:
@@ -122,15 +134,20 @@ def _held_out(
     problem: ComparisonProblem,
     config: FieldConfig,
     folds: list[BoolArray],
+    scored: FieldSamples,
     is_cancelled: Callable[[], bool],
 ) -> Scores | None:
-    """Return the mean of the scores of all parts, each weighed by its samples."""
+    """Return the mean of the scores of all parts, each weighed by its samples.
+
+    ``scored`` are all samples where they are believed to be; those without a place do not count.
+    """
+    has_place = np.isfinite(scored.points).all(axis=1)
     found: list[tuple[int, Scores]] = []
     for out in folds:
         if is_cancelled():
             return None
         live = map_of(config, problem.domain, problem.samples[~out])
-        tested = problem.samples[out]
+        tested = scored[out & has_place]
         spread = np.linspace(0, len(tested) - 1, min(len(tested), SCORED_MAX)).astype(np.int64)
         found.append((len(spread), _scored(config, live, tested[spread])))
     if not found:

@@ -17,8 +17,9 @@ COMPARE_MAPS: Final = "server.map.comparison_task:run"
 LEARN_FIELD: Final = "server.map.learning_task:run"
 """Takes a ``LearningProblem``, reports share and message, leaves a ``LearnedConfig``."""
 
-Against = Literal["truth", "held-out samples"]
+Against = Literal["truth", "held-out samples", "held-out samples, placed by cameras"]
 """What the models of a comparison are scored against."""
+PLACED_BY_CAMERAS: Final = "held-out samples, placed by cameras"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,9 @@ class ComparisonProblem:
     """Whether the truth is known, where there is one of the variable."""
     with_maps: bool = True
     """Whether the maps themselves are wanted, or their scores alone."""
+    places_seen: FloatArray | None = None
+    """Where cameras saw the robots at their samples, shape ``(n, 3)``, m; not numbers where they
+    did not; ``None`` without cameras."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

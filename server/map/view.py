@@ -176,7 +176,8 @@ class ComparedSamples(Result):
 
     samples: int = 0
     against: str | None = None
-    """``truth`` of a simulated field, or ``held-out samples`` of whole dives."""
+    """``truth`` of a simulated field, or ``held-out samples`` of whole dives, where cameras saw the
+    robot at the places that they tell."""
     message: str = ""
     """Why there are no scores, if there are none."""
 

@@ -19,7 +19,7 @@ from server.map.comparison import _problem
 from server.map.comparison_task import held_out_parts
 from server.map.field_model import MODEL_TITLES, MODELS
 from server.map.samples import field_samples
-from server.map.task import ComparisonProblem
+from server.map.task import PLACED_BY_CAMERAS, ComparisonProblem
 from tests.autonomy.test_field_carriage import Steady
 from tests.server.conftest import MINI, open_station, robot_record, until
 from tests.server.dive import begin_of, dive
@@ -102,6 +102,29 @@ def test_real_survey_is_scored_against_dives_that_are_held_out():
         assert one.mean is None
         assert 0.0 < one.scores.rmse < 1.5
         assert 0.5 < one.scores.coverage_90 <= 1.0
+
+
+def test_a_survey_that_cameras_saw_is_scored_where_they_saw_it():
+    true = surveyed()
+    lost = replace(true, points=true.points + np.array([0.7, 0.4, 0.0]))
+    asked = problem(lost, is_simulated=False, with_maps=False)
+    by_itself = compare_maps.run(asked, print, never)
+    by_cameras = compare_maps.run(replace(asked, places_seen=true.points), print, never)
+    assert by_itself.against == "held-out samples"
+    assert by_cameras.against == PLACED_BY_CAMERAS
+    for own, seen in zip(by_itself.models, by_cameras.models, strict=True):
+        assert seen.scores.rmse > own.scores.rmse, "the map is as wrong as the robot was lost"
+
+
+def test_samples_that_no_camera_saw_are_not_scored_by_cameras():
+    samples = surveyed()
+    seen = np.where((samples.dive < 2)[:, None], samples.points, np.nan)
+    asked = problem(samples, is_simulated=False, with_maps=False)
+    found = compare_maps.run(replace(asked, places_seen=seen), print, never)
+    assert found.against == PLACED_BY_CAMERAS
+    only_one = np.where((samples.dive < 1)[:, None], samples.points, np.nan)
+    found = compare_maps.run(replace(asked, places_seen=only_one), print, never)
+    assert found.against == "held-out samples", "one dive alone cannot be held apart"
 
 
 def test_dive_is_held_out_whole_and_every_dive_once():
@@ -261,7 +284,9 @@ async def test_samples_that_the_map_carries_are_carried_for_models_learning_and_
     async def where_all_have_them():
         planner = await station.planning.settings.merged(MINI, {})
         asked = await problems.map(MINI, planner)
-        compared = _problem(group, columns, station.maps.carrier(group))
+        compared = _problem(
+            group, columns, np.full((len(columns), 3), np.nan), station.maps.carrier(group)
+        )
         np.testing.assert_array_equal(asked.samples.points, compared.samples.points)
         return compared
 
