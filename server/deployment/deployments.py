@@ -12,6 +12,7 @@ from db.query.fleet.robots import first_title, get_robot
 from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
+from server.camera.picture.keeping import KeptPictures
 from server.fleet.roster import Roster
 
 _AHEAD_MAX = timedelta(minutes=1)
@@ -28,10 +29,10 @@ LaunchGate = Callable[[str, str, str], Awaitable[Launch]]
 class Deployments:
     """Changes deployments; the fleet takes up each change before the caller is answered."""
 
-    def __init__(self, foundation: Foundation, roster: Roster) -> None:
+    def __init__(self, foundation: Foundation, roster: Roster, pictures: KeptPictures) -> None:
         self._clock = foundation.clock
         self._store = foundation.store
-        self._roster = roster
+        self._roster, self._pictures = roster, pictures
         self._gate: LaunchGate = _open_gate
 
     def set_gate(self, gate: LaunchGate) -> None:
@@ -147,15 +148,17 @@ class Deployments:
         )
 
     async def void(self, deployment: str, reason: str, *, by: str) -> DeploymentRecord:
-        """Hide a deployment that was made by mistake.
+        """Hide a deployment that was made by mistake; pictures that are kept of it are deleted.
 
         Raises:
             Problem: 409 if it is void already.
         """
         at = self._clock.now()
-        return await self._write(
+        record = await self._write(
             lambda s: change.void_deployment(s, deployment, reason, at), "voided", by, reason
         )
+        await self._pictures.forget(deployment, by=by)
+        return record
 
     async def review(self, deployment: str, note: str, *, by: str) -> DeploymentRecord:
         """Sign that the data were looked at.
@@ -169,15 +172,17 @@ class Deployments:
         )
 
     async def deliver(self, deployment: str, to: str, *, by: str) -> DeploymentRecord:
-        """Note to whom the data were handed over.
+        """Note to whom the data were handed over; pictures that are kept of it are deleted.
 
         Raises:
             Problem: 409 if it is not reviewed.
         """
         at = self._clock.now()
-        return await self._write(
+        record = await self._write(
             lambda s: change.deliver_deployment(s, deployment, to, at, by), "delivered", by, to
         )
+        await self._pictures.forget(deployment, by=by)
+        return record
 
     async def reopen(self, deployment: str, reason: str, *, by: str) -> DeploymentRecord:
         """Let a reviewed or delivered deployment be reviewed anew.

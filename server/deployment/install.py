@@ -2,6 +2,7 @@
 
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
+from server.camera.picture.keeping import KeptPictures
 from server.deployment import robot_route, route
 from server.deployment.deployments import Deployments
 from server.deployment.suggestion import Suggestions
@@ -18,7 +19,7 @@ def install(foundation: Foundation) -> None:
     subjects = services.get(Subjects)
     subjects.add_stored("deployment")
     subjects.add_self_asking("POST", "/api/deployments")
-    services.add(Deployments(foundation, services.get(Roster)))
+    services.add(Deployments(foundation, services.get(Roster), services.get(KeptPictures)))
     suggestions = services.add(
         Suggestions(foundation.store, services.get(Fleet), foundation.background)
     )

@@ -252,7 +252,10 @@ async def split_deployment(
 async def void_deployment(
     caller: Pilot, deployment: str, body: Voiding, deployments: DeploymentsDep, store: StoreDep
 ) -> DeploymentView:
-    """Hide a deployment that was made by mistake; what the robot said then belongs to none."""
+    """Hide a deployment that was made by mistake; what the robot said then belongs to none.
+
+    Camera pictures that are kept of it are deleted.
+    """
     return await _view(store, await deployments.void(deployment, body.reason, by=caller.name))
 
 
@@ -273,7 +276,10 @@ async def review_deployment(
 async def deliver_deployment(
     caller: Pilot, deployment: str, body: Delivery, deployments: DeploymentsDep, store: StoreDep
 ) -> DeploymentView:
-    """Note to whom the data of a reviewed deployment were handed over."""
+    """Note to whom the data of a reviewed deployment were handed over.
+
+    Camera pictures that are kept of it are deleted.
+    """
     return await _view(store, await deployments.deliver(deployment, body.to, by=caller.name))
 
 

@@ -24,7 +24,7 @@ class KeepOrder(Body):
     """Which pictures are to be kept."""
 
     deployment: str = Field(max_length=40)
-    """To which they belong: they are deleted with it."""
+    """To which they belong: they are deleted once it is void or was delivered."""
     cameras: list[CameraId] = Field(default_factory=list, max_length=20)
     """Of which cameras; by default of all."""
     minutes: float = Field(gt=0.0, le=MINUTES_MAX, allow_inf_nan=False)
@@ -60,7 +60,11 @@ async def get_kept(caller: Viewer, pictures: KeptDep) -> KeepingView:
 
 @router.post("")
 async def keep(caller: Pilot, body: KeepOrder, pictures: KeptDep, store: StoreDep) -> KeepingView:
-    """Keep two pictures a second of cameras, for ten minutes at most; everybody is told."""
+    """Keep two pictures a second of cameras, for ten minutes at most; everybody is told.
+
+    They lie on the station's machine alone. They are deleted once their deployment is voided or
+    delivered, and earlier where a pilot deletes them; a deployment itself is never deleted.
+    """
     await refuse_unseen(store, caller, "deployment", body.deployment)
     await pictures.begin(body.deployment, body.cameras, body.minutes, by=caller.name)
     return await _view(pictures)
@@ -69,8 +73,7 @@ async def keep(caller: Pilot, body: KeepOrder, pictures: KeptDep, store: StoreDe
 @router.delete("")
 async def end_keeping(caller: Pilot, pictures: KeptDep) -> KeepingView:
     """Keep no more pictures."""
-    del caller
-    pictures.end()
+    await pictures.end(by=caller.name)
     return await _view(pictures)
 
 
