@@ -1,11 +1,13 @@
 """Cameras that robots are found by: where they are, what is unsure of that, where to look."""
 
+import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 from sqlalchemy.orm import Session
 
 from autonomy.vision.tag import Layout, Registry, layout_of
+from db.fault import StoreUnavailableError
 from db.query.camera import calibrations as query
 from db.query.camera.calibrations import CalibrationRecord
 from robot_link.camera.sighting import Region
@@ -15,6 +17,7 @@ from server.camera.event import RigChanged
 from server.camera.tags import Tags
 from server.camera.used_rig import UsedRig
 
+log = logging.getLogger(__name__)
 SetRegions = Callable[[str, Sequence[Region]], None]
 
 
@@ -29,6 +32,7 @@ class CameraRig:
         self._cameras = cameras
         self._tags = tags
         self._left_out: frozenset[str] = frozenset()
+        self._left_out_kept: frozenset[str] = frozenset()
         self._usable: UsedRig | None = None
         self._regions: dict[str, tuple[Region, ...]] = {}
         self._set_regions: SetRegions | None = None
@@ -38,8 +42,13 @@ class CameraRig:
         """All cameras that are calibrated, those that are left out too; None where none is."""
 
     async def load(self) -> None:
-        """Take up the calibration that is in use."""
-        record = await self._foundation.store.query(query.rig_in_use)
+        """Take up the calibration that is in use, and which cameras are left out."""
+
+        def read(session: Session) -> tuple[CalibrationRecord | None, frozenset[str]]:
+            return query.rig_in_use(session), query.left_out(session)
+
+        record, left_out = await self._foundation.store.query(read)
+        self._left_out = self._left_out_kept = left_out
         self._calibrated_by(record)
 
     @property
@@ -62,7 +71,7 @@ class CameraRig:
 
     @property
     def left_out(self) -> frozenset[str]:
-        """Cameras that are calibrated, but not used."""
+        """Cameras that are calibrated, but not used; also after the next start."""
         return self._left_out
 
     def set_regions(self, camera: str, regions: Sequence[Region]) -> None:
@@ -89,6 +98,7 @@ class CameraRig:
             query.use_rig(session, key)
 
         await self._foundation.store.write(write)
+        self._left_out = self._left_out_kept = frozenset()
         self._calibrated_by(calibration)
 
     def renew(self) -> None:
@@ -114,10 +124,21 @@ class CameraRig:
             self._tell()
 
     def leave_out(self, cameras: Collection[str]) -> None:
-        """Leave these cameras out, and no others."""
+        """Leave these cameras out, and no others; what cannot be kept is kept the next time."""
         if self._left_out != frozenset(cameras):
             self._left_out = frozenset(cameras)
             self._tell()
+        if self._left_out != self._left_out_kept:
+            self._left_out_kept = self._left_out
+            self._foundation.background.start("cameras that are left out", self._keep_left_out())
+
+    async def _keep_left_out(self) -> None:
+        kept, key = self._left_out_kept, self.calibration
+        try:
+            await self._foundation.store.write(lambda session: query.leave_out(session, key, kept))
+        except StoreUnavailableError as error:
+            log.warning("which cameras are left out is not kept: %s", error)
+            self._left_out_kept = frozenset()
 
     def _calibrated_by(self, record: CalibrationRecord | None) -> None:
         self.record, self.calibrated = record, None

@@ -16,6 +16,7 @@ import msgspec
 from sqlalchemy.orm import Session
 
 from autonomy.vision.tag import TANK_IDS
+from db.fault import StoreUnavailableError
 from db.query.station.events import add_event
 from robot_link.camera.config import CameraConfig
 from robot_link.camera.sighting import Sighting
@@ -88,17 +89,17 @@ class CameraWatch:
             self._off_plates.clear()
             self._told_level_m = 0.0
             self.level_words = ""
-            self._rig.leave_out(())
             for camera in () if self._rig.calibrated is None else self._rig.calibrated.cameras:
-                self._statuses.of(camera).stand = Stand()
-            self._clear_all("")
+                is_out = camera in self._rig.left_out
+                self._statuses.of(camera).stand = _out_since_before(camera) if is_out else Stand()
+            self._clear_all()
 
     async def run(self) -> None:
         """Judge once a second while cameras see something, until cancelled.
 
         What stood when the station last ran is told again where it still is so.
         """
-        self._clear_all("")
+        self._clear_all()
         while True:
             self._news.clear()
             await self._news.wait()
@@ -107,7 +108,7 @@ class CameraWatch:
 
     def drop(self, camera: str) -> None:
         """Forget a camera that is gone."""
-        self._clear_all(f"camera-moved:{camera}")
+        self._clear(f"camera-moved:{camera}")
         self._clear_all(f"camera-twice:{camera}:")
 
     async def stop(self) -> None:
@@ -209,13 +210,17 @@ class CameraWatch:
         """Keep in the log that the level is another one, each time it changed by enough."""
         if abs(level.change_m - self._told_level_m) < self._config().level_told_m:
             return
-        self._told_level_m = level.change_m
         at, text = self._foundation.clock.now(), f"{_level_words(level)}; this is counted."
 
         def write(session: Session) -> None:
             add_event(session, at, "camera.level", text, data={"change_m": level.change_m})
 
-        await self._foundation.store.write(write)
+        try:
+            await self._foundation.store.write(write)
+        except StoreUnavailableError as error:
+            log.warning("a change of the water's level is not in the log yet: %s", error)
+        else:
+            self._told_level_m = level.change_m
 
     def _count_twice(self, sighting: Sighting) -> None:
         """Tell of tags that are there twice in picture after picture."""
@@ -245,14 +250,21 @@ class CameraWatch:
         if self._foundation.alarms.standing(cause, None) is not None:
             self._alarm(self._foundation.alarms.clear(cause))
 
-    def _clear_all(self, begin: str) -> None:
-        """Clear every alarm of this watch whose cause begins so."""
+    def _clear_all(self, begin: str = "") -> None:
+        """Clear every alarm of this watch whose cause begins so, but those of cameras left out."""
+        stay = {f"camera-moved:{camera}" for camera in self._rig.left_out}
         for alarm in self._foundation.alarms.open:
-            if alarm.cause.startswith(_CAUSES) and alarm.cause.startswith(begin):
+            is_ours = alarm.cause.startswith(_CAUSES) and alarm.cause not in stay
+            if is_ours and alarm.cause.startswith(begin):
                 self._clear(alarm.cause)
 
     def _alarm(self, work: Coroutine[Any, Any, object]) -> None:
         self._foundation.background.start("alarm about cameras", work)
+
+
+def _out_since_before(camera: str) -> Stand:
+    text = f"{camera} was moved before the station began; it is left out until it is adjusted again"
+    return Stand("left_out", 0.0, text)
 
 
 def _stand(camera: str, found: StandFound, config: CameraConfig) -> Stand:

@@ -1,7 +1,7 @@
 """Calibrations of lenses and of all cameras together; they are added, never changed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal
@@ -96,8 +96,15 @@ def list_calibrations(
 
 
 def use_rig(session: Session, key: int | None) -> None:
-    """Say which calibration of the rig is in use; None for none."""
-    put_setting(session, _SETTING, {"calibration": key})
+    """Say which calibration of the rig is in use, with all its cameras; None for none."""
+    put_setting(session, _SETTING, {"calibration": key, "left_out": []})
+
+
+def leave_out(session: Session, key: int | None, cameras: Collection[str]) -> None:
+    """Say which cameras of the calibration in use are not used; nothing if another one is."""
+    setting = get_setting(session, _SETTING)
+    if setting is not None and setting["calibration"] == key:
+        put_setting(session, _SETTING, {"calibration": key, "left_out": sorted(cameras)})
 
 
 def rig_in_use(session: Session) -> CalibrationRecord | None:
@@ -105,6 +112,12 @@ def rig_in_use(session: Session) -> CalibrationRecord | None:
     setting = get_setting(session, _SETTING)
     key = None if setting is None else setting["calibration"]
     return None if key is None else get_calibration(session, key)
+
+
+def left_out(session: Session) -> frozenset[str]:
+    """Return the cameras of the calibration in use that are not used."""
+    setting = get_setting(session, _SETTING)
+    return frozenset(() if setting is None else setting.get("left_out", ()))
 
 
 def _record(row: CameraCalibrationRow) -> CalibrationRecord:
