@@ -1,5 +1,6 @@
 """What follows from a fix: it is sent to its robot, and held against what that says."""
 
+import asyncio
 from datetime import datetime, timedelta
 from functools import partial
 from typing import Final
@@ -22,6 +23,9 @@ OFF_CAMERAS: Final = "off_cameras"
 """Channel of the distance between a robot's own estimate and a fix."""
 _ERROR_PERIOD: Final = timedelta(seconds=1)
 CAUSE: Final = "fix:disagreement"
+UNSEEN: Final = timedelta(seconds=10)
+"""After so long without a fix nobody knows any more whether robot and cameras disagree."""
+_PERIOD_S: Final = 1.0
 
 
 class FixFollowing:
@@ -61,6 +65,27 @@ class FixFollowing:
         fix = self._newest.get(event.report.robot)
         if fix is not None:
             self._compare(event.report, fix)
+
+    async def run(self) -> None:
+        """End disagreements of robots that are not seen any more, until cancelled.
+
+        What stood when the station last ran is told again where it still is so.
+        """
+        for alarm in self._alarms.open:
+            if alarm.cause == CAUSE:
+                await self._alarms.clear(CAUSE, robot=alarm.robot)
+        while True:
+            await asyncio.sleep(_PERIOD_S)
+            told = [robot for robot, watch in self._disagreements.items() if watch.is_told]
+            for robot in told:
+                if not self._is_seen(robot):
+                    del self._disagreements[robot]
+                    await self._end(robot)
+
+    def _is_seen(self, robot: RobotId) -> bool:
+        if self._fusion.sight(robot) is None or self._fusion.uri(robot) is None:
+            return False
+        return self._clock.now() - self._newest[robot].measured_at <= UNSEEN
 
     def _sent(self, fix: CameraFix, at: datetime) -> None:
         self._records.note_sent(fix, at)

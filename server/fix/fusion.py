@@ -65,7 +65,7 @@ class Fusion:
         self._tracks = b""
         self._sights: dict[RobotId, CameraSight] = {}
         self._paces: dict[RobotId, Pace] = {}
-        self._left_out: tuple[str, ...] = ()
+        self._left_out: tuple[RobotId, ...] = ()
         self._is_faulty = False
         self.strangers: dict[int, Stranger] = {}
         """Tags that nobody knows, since the station began."""
@@ -95,7 +95,12 @@ class Fusion:
         return uri if uri is not None and self._disabled.is_enabled(uri) else None
 
     async def run(self) -> None:
-        """Find robots until cancelled."""
+        """Find robots until cancelled.
+
+        What stood when the station last ran is told again where it still is so.
+        """
+        for cause in (_FAULT, _TOO_MANY):
+            await self._alarms.clear(cause)
         while True:
             due_at = self._gathering.due_at()
             await set_or_after(self._news, self._wait_s(due_at))
@@ -109,6 +114,9 @@ class Fusion:
             self._know_links()
             for robot in self._sights:
                 self._report(robot)
+            if self._rig.rig is None or all(self.uri(robot) is None for robot in self._sights):
+                self._set_fault("")  # nobody is sought: nothing is wrong with that any more
+                self._set_left_out(())
             await asyncio.sleep(_TOLD_PERIOD_S)
 
     async def stop(self) -> None:
@@ -185,10 +193,7 @@ class Fusion:
                 sight.take(found.fix, found.reason)
                 self._publish(found.fix)
                 self._report(robot)
-        left_out = tuple(call.robots[tags] for tags in answer.left_out)
-        if left_out != self._left_out:
-            self._left_out = left_out
-            self._background.start("robots that are not followed", self._tell_left_out())
+        self._set_left_out(tuple(call.robots[tags] for tags in answer.left_out))
 
     def _publish(self, fix: CameraFix | None) -> None:
         if fix is None or self.uri(fix.robot) is None:
@@ -233,6 +238,11 @@ class Fusion:
         text = f"Robots are not found in the pictures of cameras: {fault}"
         change: Any = self._alarms.raise_(_FAULT, text) if fault else self._alarms.clear(_FAULT)
         self._background.start("fusion's alarm", change)
+
+    def _set_left_out(self, left_out: tuple[RobotId, ...]) -> None:
+        if left_out != self._left_out:
+            self._left_out = left_out
+            self._background.start("robots that are not followed", self._tell_left_out())
 
     async def _tell_left_out(self) -> None:
         if not self._left_out:

@@ -34,5 +34,6 @@ def install(foundation: Foundation) -> None:
     lifetime.on_stop(records.flush)
     lifetime.on_stop(fusion.stop)
     lifetime.run("fixes that were sent", records.run)
+    lifetime.run("disagreements with cameras", following.run)
     lifetime.run("links by cameras", fusion.tell)
     lifetime.run("fusion", fusion.run)

@@ -12,8 +12,9 @@ import pytest
 from autonomy.vision.rigid import Pose
 from db.query.camera.fixes import list_fixes
 from robot_link.messages import RobotId
-from server.base.worker import WorkerPool
+from server.base.worker import WorkerEndedError, WorkerPool
 from server.camera.rig import CameraRig
+from server.fix import follow
 from server.fix.event import FixFound
 from server.fix.follow import CAUSE
 from server.fix.fusion import Fusion
@@ -214,6 +215,52 @@ async def test_a_robot_that_contradicts_the_cameras_raises_an_alarm_until_it_agr
         return standing() is None
 
     await filming.until_found(ROBOT.tags, HERE, agree)
+
+
+async def test_a_disagreement_ends_where_the_robot_is_unplugged_or_not_seen(
+    station, world, filming, foundation, monkeypatch
+):
+    def standing():
+        return foundation.alarms.standing(CAUSE, "mini-1")
+
+    def contradict():
+        world.tell(state_report(MINI, (1.0, 0.5, 0.5), foundation.clock.now()))
+        return standing()
+
+    await filming.until_found(ROBOT.tags, HERE, contradict)
+    await station.disabled_links.set(LINK, is_enabled=False, robot="mini-1", by="ann")
+    await until(lambda: standing() is None)
+    await station.disabled_links.set(LINK, is_enabled=True, robot="mini-1", by="ann")
+    await filming.until_found(ROBOT.tags, HERE, contradict)
+    monkeypatch.setattr(follow, "UNSEEN", timedelta(seconds=1))
+    await until(lambda: standing() is None)
+
+
+async def test_an_alarm_that_robots_are_not_found_ends_with_the_last_link(
+    client, filming, foundation, monkeypatch
+):
+    async def fails(*_):
+        raise WorkerEndedError("it ended")
+
+    def standing():
+        return foundation.alarms.standing("fusion", None)
+
+    monkeypatch.setattr(foundation.services.get(Fusion)._pool, "run", fails)
+    await filming.until_found(ROBOT.tags, HERE, standing)
+    await give_link(client, links=("xbee://127.0.0.1:9",))
+    await until(lambda: standing() is None)
+
+
+async def test_alarms_of_before_a_restart_end_where_nothing_is_wrong(
+    tmp_path, world, client, foundation
+):
+    await foundation.alarms.raise_("fusion", "Robots are not found.")
+    await foundation.alarms.raise_("fusion:robots", "More than can be followed.", level="watch")
+    await foundation.alarms.raise_(CAUSE, "It is 2.0 m from where cameras see it.", robot=MINI)
+    async with open_station(tmp_path, world) as again:
+        alarms = again.foundation.alarms
+        for cause, robot in (("fusion", None), ("fusion:robots", None), (CAUSE, "mini-1")):
+            await until(lambda of=(cause, robot): alarms.standing(*of) is None)
 
 
 async def test_how_far_a_robot_is_off_is_a_channel_of_its_own(
