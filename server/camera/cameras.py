@@ -70,6 +70,7 @@ class Cameras:
         """Change address, latency or lens of a camera.
 
         An account is forgotten where the address is another host's: it must not go there unasked.
+        It is gone before the new address is kept, and stays where that is refused.
 
         Raises:
             UnknownIdError: If there is none of this id.
@@ -82,13 +83,13 @@ class Cameras:
 
         def write(session: Session) -> CameraRecord:
             record = query.change_camera(session, camera, changes, at=at, version=now.version)
+            if host_of(uri) != host_of(now.uri):
+                self._foundation.secrets.set_camera_account(camera, None)
             text = f"{by} changed the camera {camera} ({', '.join(sorted(changes))})."
             data = {"camera": camera, "fields": sorted(changes)}
             add_event(session, at, "camera.changed", text, data=data)
             return record
 
-        if host_of(uri) != host_of(now.uri):
-            await self._forget_account(camera)
         try:
             record = await self._foundation.store.write(write)
         except CameraChangedError as error:
@@ -108,10 +109,10 @@ class Cameras:
 
         def write(session: Session) -> None:
             query.remove_camera(session, camera, version=now.version)
+            self._foundation.secrets.set_camera_account(camera, None)
             text = f"{by} removed the camera {camera}."
             add_event(session, at, "camera.removed", text, data={"camera": camera})
 
-        await self._forget_account(camera)
         try:
             await self._foundation.store.write(write)
         except CameraChangedError as error:
@@ -148,9 +149,6 @@ class Cameras:
         self._records[record.id] = record
         self._foundation.bus.publish(CameraChanged(record.id))
         return record
-
-    async def _forget_account(self, camera: str) -> None:
-        await asyncio.to_thread(self._foundation.secrets.set_camera_account, camera, None)
 
     def _check_version(self, now: CameraRecord, if_match: str | None) -> None:
         if if_match is not None and if_match not in {"*", etag(now)}:

@@ -8,6 +8,7 @@ import pytest
 
 from autonomy.vision.camera import CAMERA_ERRORS, Rig
 from db.query.camera.calibrations import add_calibration
+from db.query.camera.cameras import change_camera
 from server.access.role import Role
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
@@ -125,6 +126,19 @@ async def test_a_password_does_not_go_to_another_host(client):
     assert same.json()["has_account"]
     other = await client.patch("/api/cameras/tank-1", json={"uri": "http://192.0.2.7/video"})
     assert not other.json()["has_account"]
+
+
+async def test_a_refused_change_leaves_the_account_with_its_camera(client, foundation):
+    await added(client)
+    await client.put("/api/cameras/tank-1/account", json={"user": "ada", "password": PASSWORD})
+    at = foundation.clock.now()
+    await foundation.store.write(
+        lambda session: change_camera(session, "tank-1", {"latency_s": 0.1}, at=at)
+    )
+    elsewhere = {"uri": "http://127.0.0.2:9/camera/1"}
+    assert (await client.patch("/api/cameras/tank-1", json=elsewhere)).status_code == 412
+    assert (await client.delete("/api/cameras/tank-1")).status_code == 412
+    assert (await client.get("/api/cameras/tank-1")).json()["has_account"]
 
 
 async def test_tags_come_back_as_they_were_told_also_after_a_restart(client, station):
