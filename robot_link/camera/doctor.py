@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from autonomy.vision.corner import mean_side_px
 from autonomy.vision.tag import LATENCY_IDS, ROBOT_IDS, TANK_IDS
 from robot_link.camera.process import COMMAND
 from robot_link.camera.sighting import (
@@ -23,10 +22,11 @@ from robot_link.camera.sighting import (
     SourceReport,
     SourceSettings,
     TagSeen,
+    perimeter_px,
 )
 from robot_link.camera.wire import CameraReader, CameraWireError, FromCamera, ToCamera, framed
 
-OPENING_S: Final = 20.0
+OPENING_S: Final = 40.0
 """So long the process may take to load, and the camera to open."""
 _READ_BYTES: Final = 65536
 _SLOW_PER_S: Final = 5.0
@@ -216,4 +216,4 @@ def _kind(tag_id: int) -> str:
 
 
 def _side_px(seen: list[TagSeen]) -> float:
-    return float(np.median([mean_side_px(np.array(tag.corners_px)) for tag in seen]))
+    return float(np.median([perimeter_px(tag) / 4.0 for tag in seen]))

@@ -142,11 +142,12 @@ class SourceSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The camera's response curve."""
 
 
+def perimeter_px(tag: TagSeen) -> float:
+    """Return the way around a tag in the picture."""
+    corners = tag.corners_px
+    return sum(math.dist(corners[i], corners[i - 1]) for i in range(4))
+
+
 def nearest_first(tags: Sequence[TagSeen], limit: int = TAGS_MAX) -> list[TagSeen]:
     """Return the tags that look largest, which are nearest to the camera, at most ``limit``."""
-
-    def perimeter_px(tag: TagSeen) -> float:
-        corners = tag.corners_px
-        return sum(math.dist(corners[i], corners[i - 1]) for i in range(4))
-
     return sorted(tags, key=perimeter_px, reverse=True)[:limit]

@@ -3,7 +3,7 @@
 from server.access.subject import Subjects
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
-from server.camera import print_route, route, tag_route
+from server.camera import print_route, route, tag_route, trial_route
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
 from server.camera.event import CameraChanged, PictureSeen, RigChanged, TagsChanged
@@ -19,10 +19,12 @@ from server.camera.set_up.collector import Collector
 from server.camera.set_up.jobs import CalibrationJobs
 from server.camera.status import CameraStatuses
 from server.camera.tags import Tags
+from server.camera.trial_route import CameraTrials
 from server.camera.watch import CameraWatch
 
 ROUTERS = (
     set_up_route.router,
+    trial_route.router,
     route.router,
     picture_route.router,
     keeping_route.router,
@@ -51,6 +53,7 @@ def install(foundation: Foundation) -> None:
     jobs = services.add(
         CalibrationJobs(foundation, cameras, tags, rig, calibrations, boards, collector)
     )
+    services.add(CameraTrials(foundation))
     kept = services.add(KeptPictures(foundation, cameras, pictures))
     watch = services.add(CameraWatch(foundation, rig, statuses, lambda: processes.config))
     for step in (cameras.load, tags.load, rig.load, calibrations.load, processes.load, jobs.load):

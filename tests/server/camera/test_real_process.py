@@ -91,3 +91,28 @@ async def test_a_camera_that_is_none_says_why(client, camera, path):
     found = await until(failed)
     assert found["pictures"] == 0
     assert not found["tags"]
+
+
+async def test_a_camera_is_looked_through_before_it_is_added(client, camera):
+    uri = f"{camera.address}/stream"
+    body = {"uri": uri, "seconds": 1.0}
+    answer = await client.post("/api/cameras/test", json=body)
+    assert answer.status_code == 200, answer.text
+    lines = answer.json()["lines"]
+    assert lines[0].startswith("Pictures of 640 x 480 px come")
+    assert any(line.startswith("Tag 0 (a robot's) is found") for line in lines)
+    assert (await client.get("/api/cameras")).json() == []
+    await added(client, uri)
+    used = (await client.post("/api/cameras/test", json=body)).json()
+    assert used["lines"] == ["tank-1 has this address already; what it sees stands with it."]
+
+
+async def test_a_camera_that_cannot_be_opened_is_told_with_what_to_try(client, camera):
+    body = {"uri": f"{camera.address}/closed", "user": "ann", "password": PASSWORD}
+    answer = await client.post("/api/cameras/test", json=body)
+    assert answer.status_code == 200, answer.text
+    assert not answer.json()["is_well"]
+    assert answer.json()["lines"]
+    assert PASSWORD not in answer.text
+    refused = await client.post("/api/cameras/test", json={"uri": "file:///etc/passwd"})
+    assert refused.status_code == 422
