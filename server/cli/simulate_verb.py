@@ -86,6 +86,13 @@ def add_world_options(parser: ArgumentParser) -> None:
         help="robots of the tank find themselves by cameras of their own and tags on its walls",
     )
     parser.add_argument(
+        "--surface-depth",
+        type=float,
+        metavar="METRES",
+        help="to this depth robots below cameras take fixes, at most 2 (default: as delivered, the"
+        " surface alone)",
+    )
+    parser.add_argument(
         "--current",
         type=flow,
         metavar="FLOW",
@@ -232,6 +239,7 @@ def run(arguments: Namespace) -> int:
         "desk_port": arguments.demo_port,
         "cameras": arguments.cameras,
         "camera_port": arguments.camera_port,
+        "surface_depth_m": arguments.surface_depth,
         "robots": robots or None,
     }
     try:
