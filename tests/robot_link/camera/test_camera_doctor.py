@@ -29,7 +29,7 @@ async def words_of(uri, **settings):
 async def test_a_good_camera_is_well_and_its_tags_are_named():
     with serving(fixed_tags, 0.1) as camera:
         is_well, said = await words_of(f"{camera.address}/stream?fps=20")
-    assert is_well
+    assert is_well, said
     assert "Pictures of 640 x 400 px come" in said
     assert "Tag 0 (a robot's) is found in" in said
     assert "Tag 103 (fixed) is found in" in said
