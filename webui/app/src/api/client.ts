@@ -1,9 +1,8 @@
-import createClient from 'openapi-fetch';
+import createClient, { type Client } from 'openapi-fetch';
 import type { components, paths } from './generated/station';
 import { AccessApi } from './access';
 import { done, newKey, of, told, versioned } from './call';
 import { AlarmApi } from './alarm';
-import { CameraApi } from './camera';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
 import { DecisionApi } from './decision';
@@ -97,7 +96,6 @@ export class Api {
   readonly notice = new NoticeApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
-  readonly camera = new CameraApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
   readonly alarm = new AlarmApi(this.#http);
   readonly water = new WaterApi(this.#http);
@@ -106,6 +104,9 @@ export class Api {
   readonly tag = new TagApi(this.#http);
   readonly vehicle = new VehicleApi(this.#http);
   readonly logBook = new LogBookApi(this.#http, () => this.csrf);
+
+  /** Routes that few pages call, and that they bring along. */
+  part = <T>(Part: new (http: Client<paths, 'application/json'>) => T): T => new Part(this.#http);
 
   samples = (robot: string, query: Query<'/api/robots/{robot}/samples'>, signal?: AbortSignal) =>
     told(this.#http.GET('/api/robots/{robot}/samples', of({ robot }, query, signal)));

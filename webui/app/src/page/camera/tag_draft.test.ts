@@ -1,6 +1,15 @@
 import { describe, expect, it } from 'vitest';
 import type { TagSetBody } from '../../api/types';
-import { bodyOf, cellFault, draftOf, freeIds, nextRow, readFile, usualBundle } from './tag_draft';
+import {
+  bodyOf,
+  cellFault,
+  draftOf,
+  freeIds,
+  nextRow,
+  readFile,
+  sheetsOf,
+  usualBundle,
+} from './tag_draft';
 
 const TAG = {
   id: 100,
@@ -52,6 +61,19 @@ describe('a table of tags', () => {
       [3, 0],
       [4, -45],
       [5, 45],
+    ]);
+  });
+});
+
+describe('sheets to print', () => {
+  it('are one for each size, and leave out what is no plate yet', () => {
+    const { layout } = draftOf({
+      ...BODY,
+      layout: { tags: [TAG, { ...TAG, id: 101 }, { ...TAG, id: 102, size_m: 0.1 }] },
+    });
+    expect(sheetsOf([...layout, { ...nextRow(layout, 100), size: '' }])).toEqual([
+      { path: '/api/tags/sheets.pdf?ids=100,101&size_m=0.12', title: 'Print 2 plates of 120 mm' },
+      { path: '/api/tags/sheets.pdf?ids=102&size_m=0.1', title: 'Print the plate of 100 mm' },
     ]);
   });
 });

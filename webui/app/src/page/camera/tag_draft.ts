@@ -131,6 +131,19 @@ export function bodyOf(draft: TagSetDraft): {
   return { body, faults };
 }
 
+/** Addresses of the sheets to print, one for each size of plates. */
+export function sheetsOf(tags: readonly TagRow[]): { path: string; title: string }[] {
+  const ids: Record<string, number[]> = {};
+  for (const tag of tags) {
+    const [id, size] = [parseNumber(tag.id), parseNumber(tag.size)];
+    if (id !== null && size !== null) (ids[size] ??= []).push(id);
+  }
+  return Object.entries(ids).map(([size, all]) => ({
+    path: `/api/tags/sheets.pdf?ids=${all.join(',')}&size_m=${size}`,
+    title: `Print ${all.length === 1 ? 'the plate' : `${all.length} plates`} of ${plainNumber(1000 * Number(size))} mm`,
+  }));
+}
+
 /** Refusals of the station by path; those that belong to no cell are told beside the button. */
 export function faultsByPath(errors: readonly FieldError[]): Record<string, string> {
   return Object.fromEntries(errors.map(({ path, message }) => [path.join('.'), message]));
