@@ -26,6 +26,8 @@ def parts_of(page: str) -> tuple[str, ...]:
     """Return the parts of a page that its address names."""
     if page == "control":
         return CONTROL
+    if page == "camera":
+        return ("list", "tags")
     if page != "log":
         return ()
     (tabs,) = re.findall(r"TABS = \[([^]]+)\]", (PAGE_SOURCES / "Log.svelte").read_text())
