@@ -147,6 +147,9 @@ class Trial:
     is_rippled: bool
     depth_m: float
     off_m: float
+    """In the tank."""
+    depth_off_m: float
+    """Of the depth below the surface, which errs by what the level does, too."""
     nees: float
     heading_off_rad: float
     turned_rad: float
@@ -208,13 +211,15 @@ def fixes(
 def trial(
     kind: str, fix: Fix, pose: Pose, depth_m: float, theirs_m: float, *, is_rippled: bool
 ) -> Trial:
+    off = fix.pose.position_m - pose.position_m
     under = fix.position_ned_m - [*pose.position_m[:2], depth_m]
     heading = fix.pose.angles_rad[2] - pose.angles_rad[2]
     return Trial(
         kind,
         is_rippled,
         depth_m,
-        float(np.linalg.norm(under)),
+        float(np.linalg.norm(off)),
+        abs(float(under[2])),
         float(under @ np.linalg.solve(fix.position_covariance, under)),
         abs(float((heading + np.pi) % (2.0 * np.pi) - np.pi)),
         turned_by_rad(fix.pose.rotation, pose.rotation),
@@ -287,25 +292,23 @@ def unfitted(painter: Painter, one: Candidate) -> Sighting:
 
 
 def ray_off_m(found: Camera, true: Camera, calibration: Adjustment, scene: Scene) -> float:
-    """Return by how much rays of the whole picture miss, at most, at five depths.
+    """Return by how much rays miss places in the tank, at most, at five depths.
 
     The pixel at which the true camera shows a place is where the found one has another place at
     that depth; how far that is away follows from how pixels move with the place.
     """
-    box, level, worst = scene.water, calibration.rig.level_m, 0.0
+    box, rig, worst, step = scene.water, calibration.rig, 0.0, 1e-4
     north = np.linspace(box.x_min_m + 0.1, box.x_max_m - 0.1, 9)
     east = np.linspace(box.y_min_m + 0.1, box.y_max_m - 0.1, 7)
+
+    def found_at(places_m: Any) -> Any:
+        return places_seen(found, places_m, rig.level_m, rig.index)
+
     for depth in np.linspace(0.0, 1.12, 5).tolist():
-        places = np.array([(n, e, depth) for n in north for e in east])
-        theirs = places_seen(
-            true, places + np.array([0.0, 0.0, scene.level_m]), scene.level_m, scene.index
-        )
-        index, at, step = calibration.rig.index, places + np.array([0.0, 0.0, level]), 1e-4
-        ours = places_seen(found, at, level, index)
-        slopes = np.stack(
-            [(places_seen(found, at + step * axis, level, index) - ours) / step for axis in AXES],
-            axis=2,
-        )
+        places = np.array([(n, e, depth + scene.level_m) for n in north for e in east])
+        theirs = places_seen(true, places, scene.level_m, scene.index)
+        ours = found_at(places)
+        slopes = np.stack([(found_at(places + step * axis) - ours) / step for axis in AXES], axis=2)
         is_known = np.isfinite(theirs).all(axis=1) & np.isfinite(ours).all(axis=1)
         for i in np.flatnonzero(is_known & true.lens.shows(np.nan_to_num(theirs), 8.0)):
             off = np.linalg.solve(slopes[i], theirs[i] - ours[i])
@@ -346,6 +349,8 @@ def by_depth(trials: Sequence[Trial]) -> Iterator[dict[str, Any]]:
         yield row(f"{name} p95", 1e3 * np.percentile(off, 95), "mm", 8.0)
         yield row(f"{name} mean by the thesis's formula", 1e3 * np.nanmean(theirs), "mm", None)
     off = np.array([one.off_m for one in trials])
+    depth_off = np.array([one.depth_off_m for one in trials])
+    yield row("Depth below the surface, mean error", 1e3 * depth_off.mean(), "mm", None)
     better = np.nanmean([one.formula_off_m for one in trials]) / off.mean()
     yield {
         **row("Times better than the thesis's formula, 3D", better, "", 10.0),
