@@ -10,17 +10,28 @@ from autonomy.arrays import FloatArray
 from autonomy.vision.fix import Fix
 
 Quality = Literal["good", "position_only", "refused"]
-GREATEST_RMS = 4.0
-"""Root mean square residual of what still water explains; 1.9 was the most seen there."""
 LEAST_MARGIN = 25.0
 """Of the sum of squares, by which one of a single tag's two poses must beat the other."""
-GREATEST_STD_M = 0.1
-OUTSIDE_M = 0.3
-"""So far outside of the water no robot is."""
-GREATEST_SURPRISE = 16.3
-"""Squared distance from a prediction, in standard deviations, that 1 in 1,000 exceeds (3 axes)."""
-PATIENCE = 5
-"""So many surprises in a row are believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """From where on a fix is refused."""
+
+    rms: float = 4.0
+    """Root mean square residual of what still water explains; 1.9 was the most seen there."""
+    std_m: float = 0.1
+    """Of the position along its worst axis."""
+    outside_m: float = 0.3
+    """So far outside of the water no robot is."""
+    surprise: float = 16.3
+    """Squared distance from a prediction, in standard deviations, that 1 in 1,000 exceeds (3
+    axes)."""
+    patience: int = 5
+    """So many surprises in a row are believed."""
+
+
+USUAL_GATES = Gates()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,29 +66,35 @@ class Verdict:
     """It is refused as too far from where it was expected, and that alone."""
 
 
-def judge(fix: Fix, expected: Expectation | None = None, water: Water | None = None) -> Verdict:
+def judge(
+    fix: Fix,
+    expected: Expectation | None = None,
+    water: Water | None = None,
+    gates: Gates = USUAL_GATES,
+) -> Verdict:
     """Judge a fix.
 
     Args:
         fix: To be judged.
         expected: Where the robot should be, if that is known.
         water: Outside of which it cannot be, if that is known.
+        gates: From where on it is refused.
     """
-    if fix.rms > GREATEST_RMS:
+    if fix.rms > gates.rms:
         return Verdict("refused", f"the corners do not fit together (rms {fix.rms:.1f})")
     std_m = math.sqrt(float(np.linalg.eigvalsh(fix.position_covariance)[-1]))
-    if not std_m <= GREATEST_STD_M:
+    if not std_m <= gates.std_m:
         return Verdict("refused", f"the position is known to {std_m:.2f} m only")
-    if water is not None and _is_outside(fix.position_ned_m, water):
+    if water is not None and _is_outside(fix.position_ned_m, water, gates.outside_m):
         return Verdict("refused", "the position is outside of the water")
     is_alone = len(fix.cameras) == 1 and len(fix.tags) == 1 and not fix.has_telemetry
     if is_alone and not fix.margin > LEAST_MARGIN:
         return Verdict("refused", "one tag in one camera may be turned over")
-    if expected is not None and expected.surprises + 1 < PATIENCE:
+    if expected is not None and expected.surprises + 1 < gates.patience:
         off = fix.position_ned_m - expected.position_ned_m
         both = fix.position_covariance + expected.covariance_m2
         surprise = float(off @ np.linalg.solve(both, off))
-        if not surprise <= GREATEST_SURPRISE:
+        if not surprise <= gates.surprise:
             away_m = float(np.linalg.norm(off))
             reason = f"the position is {away_m:.2f} m from where it should be"
             return Verdict("refused", reason, is_surprise=True)
@@ -86,10 +103,10 @@ def judge(fix: Fix, expected: Expectation | None = None, water: Water | None = N
     return Verdict("good")
 
 
-def _is_outside(position_ned_m: FloatArray, water: Water) -> bool:
+def _is_outside(position_ned_m: FloatArray, water: Water, outside_m: float) -> bool:
     north, east, depth = position_ned_m.tolist()
     return not (
-        water.north_m[0] - OUTSIDE_M <= north <= water.north_m[1] + OUTSIDE_M
-        and water.east_m[0] - OUTSIDE_M <= east <= water.east_m[1] + OUTSIDE_M
-        and -OUTSIDE_M <= depth <= water.depth_m + OUTSIDE_M
+        water.north_m[0] - outside_m <= north <= water.north_m[1] + outside_m
+        and water.east_m[0] - outside_m <= east <= water.east_m[1] + outside_m
+        and -outside_m <= depth <= water.depth_m + outside_m
     )

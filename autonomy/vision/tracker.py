@@ -1,6 +1,6 @@
 r"""Follows robots from pictures to pictures: one fix of each robot from what cameras saw together.
 
-Pictures that belong together were taken within ``TOGETHER_S``. Each is predicted at its own time
+Pictures that belong together were taken within some 60 ms. Each is predicted at its own time
 with the velocity of the robot's filter, which holds its place and velocity, driven by white
 acceleration. The filter averages noise alone; what does not average out is kept beside it and added
 whenever something is claimed.
@@ -15,7 +15,7 @@ Source:
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -33,13 +33,11 @@ from autonomy.vision.fix import (
     Telemetry,
     find_robot,
 )
-from autonomy.vision.quality import PATIENCE, Expectation, Verdict, Water, judge
+from autonomy.vision.quality import USUAL_GATES, Expectation, Gates, Verdict, Water, judge
 from autonomy.vision.rigid import Pose
 from autonomy.vision.sight import sights
-from autonomy.vision.tag import LATENCY_IDS, Bundle, Registry
+from autonomy.vision.tag import Bundle, Registry
 
-TOGETHER_S = 0.06
-"""Pictures within this are of one moment."""
 ACCELERATION_M2_S3 = 0.02
 """Spectral density of the acceleration, per axis: after 1 s without a fix a place is known to 8 cm,
 a velocity to 0.14 m/s."""
@@ -182,8 +180,6 @@ class Followed:
 
     tracks: Mapping[str, Track]
     found: tuple[Found, ...] = ()
-    strangers: Mapping[int, str] = field(default_factory=dict[int, str])
-    """Tags that nobody knows, with a camera that saw each."""
     left_out: tuple[str, ...] = ()
     """Robots that were seen and not sought, for there are too many; the farthest."""
 
@@ -196,6 +192,7 @@ def follow(
     *,
     waters: Mapping[str, Water] | None = None,
     said: Mapping[str, Said] | None = None,
+    gates: Gates = USUAL_GATES,
 ) -> Followed:
     """Find every robot that a set of pictures shows.
 
@@ -206,6 +203,7 @@ def follow(
         registry: Which tags belong to whom.
         waters: Of robots of which it is known, the water outside of which they cannot be.
         said: What robots say of themselves.
+        gates: From where on a fix is refused.
     """
     seen = _by_robot(pictures, registry)
     nearest = sorted(seen, key=lambda robot: _area_px2(seen[robot]), reverse=True)
@@ -222,6 +220,7 @@ def follow(
             rig,
             (waters or {}).get(bundle.robot),
             (said or {}).get(bundle.robot),
+            gates,
         )
         found.extend([] if one is None else [one])
         if later is not None:
@@ -233,7 +232,7 @@ def follow(
         if track is not None and bundle.robot not in good:
             new[bundle.robot] = _missed(track, bundle, rig, at_s)
     left_out = tuple(robot for robot in nearest if robot not in sought)
-    return Followed(new, tuple(found), _strangers(pictures, registry), left_out)
+    return Followed(new, tuple(found), left_out)
 
 
 def regions(
@@ -305,15 +304,6 @@ def _within_limits(nearest: Sequence[str], seen: Mapping[str, Sequence[Seen]]) -
     return sought
 
 
-def _strangers(pictures: Sequence[Picture], registry: Registry) -> dict[int, str]:
-    return {
-        sighting.tag_id: picture.camera
-        for picture in pictures
-        for sighting in picture.sightings
-        if sighting.tag_id not in LATENCY_IDS and registry.is_stranger(sighting.tag_id)
-    }
-
-
 def _follow_one(
     track: Track | None,
     bundle: Bundle,
@@ -321,6 +311,7 @@ def _follow_one(
     rig: Rig,
     water: Water | None,
     said: Said | None,
+    gates: Gates,
 ) -> tuple[Found | None, Track | None]:
     at_s = sum(taken_s for taken_s, _ in seen) / len(seen)
     if track is not None and not track.fixed_s < at_s:
@@ -345,14 +336,14 @@ def _follow_one(
     hope = None
     if expected is not None:
         hope = Expectation(expected.state[:3], expected.position_covariance, expected.surprises)
-    verdict = judge(fix, hope, water)
+    verdict = judge(fix, hope, water, gates)
     found = Found(bundle.robot, at_s, fix, verdict)
     if verdict.quality == "refused":
         if track is not None:
             surprises = track.surprises + 1 if verdict.is_surprise else 0
             track = replace(track, surprises=surprises)
         return found, track
-    if expected is None or expected.surprises + 1 >= PATIENCE:
+    if expected is None or expected.surprises + 1 >= gates.patience:
         return found, Track.begun(fix, at_s)
     return found, expected.updated(fix, at_s)
 

@@ -24,6 +24,11 @@ def checked_uri(uri: str) -> str:
     return uri
 
 
+def source_of(uri: str) -> str:
+    """Return a URI without its options: another one is another camera, with lens and place."""
+    return urlsplit(uri)._replace(query="", fragment="").geturl()
+
+
 def host_of(uri: str) -> tuple[str, str]:
     """Return scheme and host with port: an account is for these alone."""
     parts = urlsplit(uri)

@@ -13,7 +13,7 @@ from db.query.station.events import add_event
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.base.secret import CameraAccount, SecretUnreadableError
-from server.camera.address import host_of
+from server.camera.address import host_of, source_of
 from server.camera.event import CameraChanged
 
 
@@ -70,7 +70,9 @@ class Cameras:
         """Change address, latency or lens of a camera.
 
         An account is forgotten where the address is another host's: it must not go there unasked.
-        It is gone before the new address is kept, and stays where that is refused.
+        It is gone before the new address is kept, and stays where that is refused. What is known
+        of a lens is that of one camera: it is not used for one at another address, until somebody
+        chooses it again.
 
         Raises:
             UnknownIdError: If there is none of this id.
@@ -79,13 +81,15 @@ class Cameras:
         now = self.get(camera)
         self._check_version(now, if_match)
         at = self._foundation.clock.now()
-        uri = changes.get("uri", now.uri)
+        uri, changed = changes.get("uri", now.uri), ", ".join(sorted(changes))
+        if source_of(uri) != source_of(now.uri):
+            changes = {**changes, "lens_key": None}
 
         def write(session: Session) -> CameraRecord:
             record = query.change_camera(session, camera, changes, at=at, version=now.version)
             if host_of(uri) != host_of(now.uri):
                 self._foundation.secrets.set_camera_account(camera, None)
-            text = f"{by} changed the camera {camera} ({', '.join(sorted(changes))})."
+            text = f"{by} changed the camera {camera} ({changed})."
             data = {"camera": camera, "fields": sorted(changes)}
             add_event(session, at, "camera.changed", text, data=data)
             return record

@@ -72,7 +72,7 @@ def install(foundation: Foundation) -> None:
             boards.drop(told.id)
             pictures.drop(told.id)
             watch.drop(told.id)
-            rig.renew()
+        rig.renew()
         processes.changed(told)
         feed.mark("cameras")
 

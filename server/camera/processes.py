@@ -80,7 +80,8 @@ class CameraProcesses:
     async def stop(self) -> None:
         """End all processes."""
         self._is_open = False
-        runs, self._runs = list(self._runs.values()), {}
+        async with self._settling:
+            runs, self._runs = list(self._runs.values()), {}
         await asyncio.gather(*(run.end() for run in runs))
 
     def process_id(self, camera: str) -> int | None:

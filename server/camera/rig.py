@@ -1,7 +1,7 @@
 """Cameras that robots are found by: where they are, what is unsure of that, where to look."""
 
 import logging
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 from sqlalchemy.orm import Session
@@ -10,12 +10,14 @@ from autonomy.vision.tag import Layout, Registry, layout_of
 from db.fault import StoreUnavailableError
 from db.query.camera import calibrations as query
 from db.query.camera.calibrations import CalibrationRecord
+from db.query.camera.cameras import CameraRecord
 from robot_link.camera.sighting import Region
 from server.base.foundation import Foundation
+from server.camera.address import source_of
 from server.camera.cameras import Cameras
 from server.camera.event import RigChanged
 from server.camera.tags import Tags
-from server.camera.used_rig import UsedRig
+from server.camera.used_rig import Document, UsedRig
 
 log = logging.getLogger(__name__)
 SetRegions = Callable[[str, Sequence[Region]], None]
@@ -102,8 +104,15 @@ class CameraRig:
         self._calibrated_by(calibration)
 
     def renew(self) -> None:
-        """Look again which of the calibrated cameras there still are."""
-        self._calibrated_by(self.record)
+        """Look again which of the calibrated cameras there still are, at their addresses."""
+        now = () if self.calibrated is None else self.calibrated.cameras
+        if self.record is not None and self._placed(self.record) != now:
+            self._calibrated_by(self.record)
+
+    def lens_key(self, camera: str) -> int | None:
+        """Return the calibration of a camera's lens that its place rests on, None if not known."""
+        origin = {} if self.record is None else _origins(self.record).get(camera, {})
+        return origin.get("lens")
 
     @property
     def layout(self) -> Layout:
@@ -143,10 +152,7 @@ class CameraRig:
     def _calibrated_by(self, record: CalibrationRecord | None) -> None:
         self.record, self.calibrated = record, None
         if record is not None:
-            keys = {camera.id: camera.key for camera in self._cameras.records}
-            cameras = tuple(
-                one["id"] for one in record.result["cameras"] if keys.get(one["id"]) == one["key"]
-            )
+            cameras = self._placed(record)
             if cameras:
                 level_m: float = record.result["level_m"]
                 self.calibrated = UsedRig(
@@ -154,9 +160,29 @@ class CameraRig:
                 )
         self._tell()
 
+    def _placed(self, record: CalibrationRecord) -> tuple[str, ...]:
+        """Return the cameras of a calibration that there still are, at the same addresses."""
+        known, origins = {one.id: one for one in self._cameras.records}, _origins(record)
+        return tuple(
+            name
+            for one in record.result["cameras"]
+            if (camera := known.get(name := one["id"])) is not None
+            and camera.key == one["key"]
+            and origins.get(name, {}).get("source", source_of(camera.uri)) == source_of(camera.uri)
+        )
+
     def _tell(self) -> None:
         self._usable = None
         if self.calibrated is not None:
             used = tuple(one for one in self.calibrated.cameras if one not in self._left_out)
             self._usable = replace(self.calibrated, cameras=used) if used else None
         self._foundation.bus.publish(RigChanged())
+
+
+def origin_of(camera: CameraRecord) -> Document:
+    """Return what a calibration of the rig notes of a camera, to know whether it still is it."""
+    return {"lens": camera.lens_key, "source": source_of(camera.uri)}
+
+
+def _origins(record: CalibrationRecord) -> Mapping[str, Document]:
+    return record.inputs.get("origins", {})

@@ -101,7 +101,7 @@ async def patch_camera(
     """Change where a camera's pictures come from, or their latency.
 
     412 says that it has another version than ``If-Match``. Its account is forgotten where the
-    address is another host's.
+    address is another host's; its lens and its place are where the camera may be another one.
     """
     changes = body.model_dump(exclude_none=True)
     record = await cameras.change(camera, changes, by=caller.name, if_match=if_match)

@@ -46,7 +46,8 @@ class CameraChanges(Body):
     """What is to be changed of a camera; ``null`` leaves it."""
 
     uri: str | None = Field(default=None, max_length=500)
-    """Where its pictures come from; an account is forgotten where that is another host."""
+    """Where its pictures come from. An account is forgotten where that is another host; lens and
+    place are to be found anew where more than the options is another."""
     latency_s: float | None = Field(default=None, ge=0.0, le=5.0, allow_inf_nan=False)
     """Time between exposure and arrival."""
     latency_std_s: float | None = Field(default=None, ge=0.0, le=1.0, allow_inf_nan=False)

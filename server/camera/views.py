@@ -107,6 +107,8 @@ def _step(record: CameraRecord, rig: CameraRig, *, is_placed: bool) -> tuple[Set
         return "tags", "Tell where the fixed tags of the tank are."
     if not is_placed:
         return "pose", "Adjust the cameras: it is not placed yet."
+    if rig.lens_key(record.id) not in {None, record.lens_key}:
+        return "pose", "Adjust the cameras: its place rests on another calibration of its lens."
     return "done", ""
 
 

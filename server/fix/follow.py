@@ -1,10 +1,12 @@
 """What follows from a fix: it is sent to its robot, and held against what that says."""
 
 import asyncio
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from functools import partial
 from typing import Final
 
+from robot_link.camera.config import CameraConfig
 from robot_link.camera.fix import CameraFix
 from robot_link.messages import RobotId, StateReport
 from robot_link.report import Reading
@@ -38,13 +40,15 @@ class FixFollowing:
         fusion: Fusion,
         records: FixRecords,
         radios: Radios,
+        config: Callable[[], CameraConfig],
     ) -> None:
         self._alarms, self._background = foundation.alarms, foundation.background
-        self._clock = foundation.clock
+        self._clock, self._config = foundation.clock, config
         self._fleet, self._fusion, self._records, self._radios = fleet, fusion, records, radios
         self._newest: dict[RobotId, CameraFix] = {}
         self._disagreements: dict[RobotId, Disagreement] = {}
         self._paces: dict[RobotId, Pace] = {}
+        self._sendings: dict[RobotId, Pace] = {}
 
     def take_fix(self, event: FixFound) -> None:
         """Send a fix that was taken, and compare it with what the robot said."""
@@ -52,10 +56,11 @@ class FixFollowing:
         if fix.quality == "refused":
             return
         self._newest[fix.robot] = fix
-        unsent = self._radios.send_fix(fix, partial(self._sent, fix))
-        sight = self._fusion.sight(fix.robot)
-        if sight is not None:
-            sight.unsent = unsent
+        if self._is_due(fix):
+            unsent = self._radios.send_fix(fix, partial(self._sent, fix))
+            sight = self._fusion.sight(fix.robot)
+            if sight is not None:
+                sight.unsent = unsent
         state = self._fleet.status(fix.robot).state
         if state is not None:
             self._compare(state, fix)
@@ -81,6 +86,13 @@ class FixFollowing:
                 if not self._is_seen(robot):
                     del self._disagreements[robot]
                     await self._end(robot)
+
+    def _is_due(self, fix: CameraFix) -> bool:
+        """Tell whether a fix is one of so many a second that are sent."""
+        period = timedelta(seconds=self._clock.speed / self._config().fix_rate_hz)
+        pace = self._sendings.setdefault(fix.robot, Pace(period))
+        pace.period = period
+        return pace.lets(fix.measured_at)
 
     def _is_seen(self, robot: RobotId) -> bool:
         if self._fusion.sight(robot) is None or self._fusion.uri(robot) is None:

@@ -7,12 +7,14 @@ waits; pictures that are older than a second by then are dropped.
 import asyncio
 import logging
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from autonomy.vision.tag import LATENCY_IDS
+from autonomy.site import Site
+from autonomy.vision.tag import LATENCY_IDS, Layout
+from robot_link.camera.config import CameraConfig
 from robot_link.camera.fix import CameraFix
 from robot_link.clock import set_or_after
 from robot_link.messages import RobotId
@@ -37,6 +39,8 @@ SAID_S: Final = 1.0
 """As in ``autonomy.vision.tracker``."""
 _TOLD_PERIOD_S: Final = 1.0
 """So often the age of what cameras know is told."""
+_RIM_M: Final = 1.0
+"""Fixed tags lie at most so far outside of the water."""
 _FAULT, _TOO_MANY = "fusion", "fusion:robots"
 
 
@@ -53,13 +57,18 @@ class Fusion:
     """Finds robots in pictures. Belongs to one event loop."""
 
     def __init__(
-        self, foundation: Foundation, fleet: Fleet, disabled: DisabledLinks, rig: CameraRig
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        disabled: DisabledLinks,
+        rig: CameraRig,
+        config: Callable[[], CameraConfig],
     ) -> None:
         self._bus, self._clock, self._alarms = foundation.bus, foundation.clock, foundation.alarms
         self._background = foundation.background
-        self._fleet, self._disabled, self._rig = fleet, disabled, rig
+        self._fleet, self._disabled, self._rig, self._config = fleet, disabled, rig, config
         self._pool = WorkerPool(1)
-        self._gathering = Gathering()
+        self._gathering = Gathering(timedelta(seconds=config().together_s))
         self._news = asyncio.Event()
         self._packed: bytes = b""
         self._tracks = b""
@@ -72,6 +81,7 @@ class Fusion:
 
     def take(self, seen: PictureSeen) -> None:
         """Take what a camera saw."""
+        self._gathering.together = timedelta(seconds=self._config().together_s)
         self._gathering.add(Picture(seen.taken_at, self._clock.now(), seen.sighting))
         self._news.set()
 
@@ -140,6 +150,7 @@ class Fusion:
         except WORKER_FAILURES as error:
             log.warning("robots were not sought in the pictures of %s: %s", now, error)
             self._set_fault(str(error))
+            self._tracks = b""  # one of them may be what it failed of
             return
         self._set_fault("")
         self._take(answer, call)
@@ -150,13 +161,11 @@ class Fusion:
         rig, registry = self._rig.rig, self._rig.registry
         robots: dict[str, RobotId] = {}
         for robot, sight in self._sights.items():
-            tags = camera_tags(sight.uri)
-            sight.obstacle = ""
-            if rig is None:
-                sight.obstacle = "no camera is calibrated"
-            elif all(bundle.robot != tags for bundle in registry.bundles):
-                sight.obstacle = f"no tags are registered for {tags}"
-            elif self.uri(robot) is not None:
+            tags, is_plugged = camera_tags(sight.uri), self.uri(robot) is not None
+            sight.obstacle = "" if rig is not None else "no camera is calibrated"
+            if rig is not None and is_plugged:
+                sight.obstacle = self._obstacle(robot, tags)
+            if rig is not None and is_plugged and not sight.obstacle:
                 robots[tags] = robot
         if rig is not None and not robots:
             for camera in rig.cameras:
@@ -178,7 +187,15 @@ class Fusion:
             waters={tags: _box(status) for tags, status in statuses.items()},
             said=_said(statuses, newest),
             tracks=self._tracks,
+            config=self._config(),
         )
+
+    def _obstacle(self, robot: RobotId, tags: str) -> str:
+        """Return why a robot cannot be sought by a set of tags, empty where it can."""
+        registry = self._rig.registry
+        if all(bundle.robot != tags for bundle in registry.bundles):
+            return f"no tags are registered for {tags}"
+        return other_water(self._fleet.status(robot).record.site, registry.layout)
 
     def _take(self, answer: FusionAnswer, call: FusionCall) -> None:
         self._tracks = answer.tracks
@@ -251,6 +268,19 @@ class Fusion:
         names = ", ".join(self._left_out)
         text = f"More robots are in view than can be followed; these are not: {names}."
         await self._alarms.raise_(_TOO_MANY, text, level="watch")
+
+
+def other_water(site: Site, layout: Layout) -> str:
+    """Return why a robot of this site is not in the water under the cameras, empty where it is."""
+    if site.kind != "tank":
+        return f"cameras hang over a tank, and its water is {site.name}"
+    water = site.water
+    for tag in layout.tags:
+        north, east, _ = tag.position_m
+        is_north = water.x_min_m - _RIM_M <= north <= water.x_max_m + _RIM_M
+        if not (is_north and water.y_min_m - _RIM_M <= east <= water.y_max_m + _RIM_M):
+            return f"the fixed tag {tag.id} lies outside of its water, {site.name}"
+    return ""
 
 
 def _box(status: RobotStatus) -> Box:

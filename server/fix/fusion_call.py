@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from autonomy.vision.tag import Registry
+from robot_link.camera.config import CameraConfig
 from robot_link.camera.fix import CameraFix
 from robot_link.camera.sighting import Region, TagSeen
 from robot_link.messages import RobotId
@@ -41,6 +42,8 @@ class FusionCall:
     """Likewise, of robots that said something lately."""
     tracks: bytes
     """Of the answer before; empty at the beginning."""
+    config: CameraConfig
+    """Its gates tell from where on a fix is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,5 @@ class FusionAnswer:
     """Of sets of tags that were found before: ``found``, ``lost`` or ``unseen``."""
     regions: Mapping[str, tuple[Region, ...]]
     """Where each camera should look."""
-    strangers: Mapping[int, str]
-    """Tags that nobody knows, with a camera that saw each."""
     left_out: tuple[str, ...]
     """Sets of tags that were in view and not sought, for there were too many."""

@@ -13,9 +13,10 @@ import numpy as np
 
 from autonomy.vision.camera import Rig
 from autonomy.vision.fix import Sighting as TagSighting
-from autonomy.vision.quality import Water
+from autonomy.vision.quality import Gates, Water
 from autonomy.vision.tag import Registry
 from autonomy.vision.tracker import Found, Picture, Said, Track, follow, regions
+from robot_link.camera.config import CameraConfig
 from robot_link.camera.fix import CameraFix
 from robot_link.camera.sighting import Region
 from robot_link.messages import RobotId
@@ -45,6 +46,7 @@ def fuse(
         sought,
         waters={name: Water(*box) for name, box in call.waters.items()},
         said={name: Said(*words) for name, words in call.said.items()},
+        gates=_gates(call.config),
     )
     newest_s = max(one.taken_s for one in call.pictures)
     places = regions(answer.tracks, rig, sought, newest_s + _AHEAD_S)
@@ -56,11 +58,6 @@ def fuse(
             camera: tuple(Region(one.left, one.top, one.right, one.bottom) for one in found)
             for camera, found in places.items()
         },
-        strangers={
-            tag_id: camera
-            for tag_id, camera in answer.strangers.items()
-            if call.registry.is_stranger(tag_id)
-        },
         left_out=answer.left_out,
     )
 
@@ -68,6 +65,16 @@ def fuse(
 @lru_cache(maxsize=1)
 def _rig(used: bytes) -> Rig:
     return rig_of(pickle.loads(used))
+
+
+def _gates(config: CameraConfig) -> Gates:
+    return Gates(
+        config.rms_max,
+        config.position_std_max_m,
+        config.outside_max_m,
+        config.jump_max,
+        config.jumps_refused,
+    )
 
 
 def _picture(pictured: Pictured) -> Picture:

@@ -7,8 +7,6 @@ from typing import Final
 
 from robot_link.camera.sighting import Sighting
 
-TOGETHER: Final = timedelta(milliseconds=60)
-"""As in ``autonomy.vision.tracker``."""
 HOLD: Final = timedelta(milliseconds=250)
 """So long a moment waits for cameras whose pictures come later."""
 OLDEST: Final = timedelta(seconds=1)
@@ -34,8 +32,11 @@ class Gathering:
     of it or a later one, or after ``HOLD``.
     """
 
+    together: timedelta
+    """Pictures that were taken within this time are of one moment."""
     dropped: int = 0
-    """Pictures that came too late, or whose times went back."""
+    """Pictures that came too late, whose times went back, or that the same camera's next one of the
+    same moment replaced."""
     _waiting: list[Picture] = field(default_factory=list[Picture])
     """In order of time."""
     _newest: dict[str, Picture] = field(default_factory=dict[str, Picture])
@@ -53,28 +54,33 @@ class Gathering:
         self._waiting.sort(key=lambda one: one.taken_at)
 
     def complete(self, now: datetime) -> list[Picture] | None:
-        """Return the oldest moment if nothing more is to come of it, else None."""
+        """Return the oldest moment if nothing more is to come of it, else None.
+
+        It has one picture of each camera, the newest.
+        """
         if not self._waiting:
             return None
         first = self._waiting[0].taken_at
-        moment = [one for one in self._waiting if one.taken_at - first <= TOGETHER]
+        moment = [one for one in self._waiting if one.taken_at - first <= self.together]
         cameras = {one.sighting.camera for one in moment}
         waits = any(
-            camera not in cameras and newest.taken_at - first <= TOGETHER
+            camera not in cameras and newest.taken_at - first <= self.together
             for camera, newest in self._newest.items()
             if now - newest.arrived_at <= _LATELY
         )
         if waits and now < self._due(moment):
             return None
         self._waiting = [one for one in self._waiting if one not in moment]
-        return moment
+        newest = {one.sighting.camera: one for one in moment}
+        self.dropped += len(moment) - len(newest)
+        return list(newest.values())
 
     def due_at(self) -> datetime | None:
         """Return when the oldest moment is complete whatever comes, None where none waits."""
         if not self._waiting:
             return None
         first = self._waiting[0].taken_at
-        return self._due(one for one in self._waiting if one.taken_at - first <= TOGETHER)
+        return self._due(one for one in self._waiting if one.taken_at - first <= self.together)
 
     def _due(self, moment: Iterable[Picture]) -> datetime:
         return min(one.arrived_at for one in moment) + HOLD

@@ -1,7 +1,9 @@
 """Puts the capability together."""
 
+from robot_link.camera.config import CameraConfig
 from server.base.foundation import Foundation
 from server.camera.event import PictureSeen, RigChanged
+from server.camera.processes import CameraProcesses
 from server.camera.rig import CameraRig
 from server.fix import route
 from server.fix.event import FixesStored, FixFound
@@ -20,11 +22,18 @@ def install(foundation: Foundation) -> None:
     """Find robots in what cameras see, keep where they were, and tell them."""
     services, bus, lifetime = foundation.services, foundation.bus, foundation.lifetime
     fleet = services.get(Fleet)
+    processes = services.get(CameraProcesses)
+
+    def config() -> CameraConfig:
+        return processes.config
+
     fusion = services.add(
-        Fusion(foundation, fleet, services.get(DisabledLinks), services.get(CameraRig))
+        Fusion(foundation, fleet, services.get(DisabledLinks), services.get(CameraRig), config)
     )
     records = services.add(FixRecords(foundation.store, foundation.clock, bus, fleet))
-    following = services.add(FixFollowing(foundation, fleet, fusion, records, services.get(Radios)))
+    following = services.add(
+        FixFollowing(foundation, fleet, fusion, records, services.get(Radios), config)
+    )
     bus.subscribe(PictureSeen, fusion.take)
     bus.subscribe(RigChanged, lambda _: fusion.rig_changed())
     bus.subscribe(FixFound, records.take)

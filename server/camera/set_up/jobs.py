@@ -20,7 +20,7 @@ from server.base.worker import WORKER_FAILURES
 from server.camera import task
 from server.camera.calibrations import CALIBRATION, Calibrations
 from server.camera.cameras import Cameras
-from server.camera.rig import CameraRig
+from server.camera.rig import CameraRig, origin_of
 from server.camera.set_up.boards import Boards
 from server.camera.set_up.collector import Collector
 from server.camera.set_up.latency import PICTURES, latency_of, shows_one
@@ -156,10 +156,11 @@ class CalibrationJobs:
         known = self._rig.calibrated
         if level_m is None:
             level_m = 0.0 if known is None else known.level_m
+        origins = {record.id: origin_of(record) for record in self._cameras.records}
         problem = await self._problem(level_m, level_std_m, progress)
         progress.report(0.85, "Adjusts the cameras.")
         found = await self._worked(task.ADJUST, problem)
-        record = await self._kept("rig", found, by=by)
+        record = await self._kept("rig", found, by=by, origins=origins)
         await self._calibrations.take(record, None, by=by)
         return _result(record)
 
@@ -167,12 +168,14 @@ class CalibrationJobs:
         known = self._rig.calibrated
         if known is None or camera not in known.cameras:
             raise JobError(f"{camera} is not placed yet: adjust all cameras.")
-        layout = self._rig.layout
+        layout, before = self._rig.layout, self._rig.record
+        origins = {} if before is None else before.inputs.get("origins", {})
         seen = await self._collector.collect([camera], ADJUST_PICTURES, progress)
         progress.report(0.85, f"Places {camera}.")
         keys = {record.id: record.key for record in self._cameras.records}
         problem = ReadjustProblem(known, layout, camera, keys, seen)
-        record = await self._kept("rig", await self._worked(task.READJUST, problem), by=by)
+        found = await self._worked(task.READJUST, problem)
+        record = await self._kept("rig", found, by=by, origins=origins)
         await self._calibrations.take(record, None, by=by)
         return _result(record)
 
@@ -224,7 +227,13 @@ class CalibrationJobs:
         return found
 
     async def _kept(
-        self, kind: CalibrationKind, found: Found, *, by: str, camera_key: int | None = None
+        self,
+        kind: CalibrationKind,
+        found: Found,
+        *,
+        by: str,
+        camera_key: int | None = None,
+        origins: Mapping[str, Any] | None = None,
     ) -> CalibrationRecord:
         at = self._foundation.clock.now()
         tags = None if kind == "lens" else self._tags.record
@@ -235,7 +244,7 @@ class CalibrationJobs:
                 kind,
                 result=found.result,
                 covariance=found.covariance,
-                inputs=found.inputs,
+                inputs={**found.inputs, **({} if origins is None else {"origins": origins})},
                 at=at,
                 by=by,
                 camera_key=camera_key,

@@ -12,14 +12,15 @@ from db.query.camera.cameras import change_camera
 from server.access.role import Role
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
-from server.camera.rig import CameraRig
-from server.camera.vision import rig_document, rig_of
-from tests.autonomy.vision.tank import overhead_cameras, tank_layout
+from server.camera.rig import CameraRig, origin_of
+from server.camera.vision import lens_document, rig_document, rig_of
+from tests.autonomy.vision.tank import LENS, overhead_cameras, tank_layout
 from tests.server.conftest import api_client
 
 URI = "http://127.0.0.1:9/camera/1?fps=10"
 PASSWORD = "the camera's own secret"
 FLOOR = {"id": 100, "size_m": 0.15, "position_m": [0.5, 0.5, 1.2]}
+FIT = {"rms_px": 0.1, "focal_std_share": 1e-4, "views": [], "view_rms_px": []}
 TOP = {"id": 0, "size_m": 0.1, "position_m": [0.02, 0.0, -0.085]}
 
 
@@ -241,6 +242,49 @@ async def test_an_older_calibration_can_be_chosen_again(client, foundation, cali
     assert (
         await client.post("/api/cameras/tank-1/calibrations/calibration-99/use")
     ).status_code == 404
+
+
+async def test_a_camera_at_another_address_is_set_up_anew(client, foundation, calibrated):
+    rig = foundation.services.get(CameraRig)
+    lens = await foundation.store.write(
+        lambda session: add_calibration(
+            session,
+            "lens",
+            result={"lens": lens_document(LENS), **FIT},
+            covariance=1e-6 * np.eye(9),
+            inputs={},
+            at=foundation.clock.now(),
+            by="ann",
+            camera_key=foundation.services.get(Cameras).get("tank-1").key,
+        )
+    )
+    calibrations = foundation.services.get(Calibrations)
+    await calibrations.take(lens, "tank-1", by="ann")
+    await client.put("/api/tags", json=tags(FLOOR))
+    stale = (await client.get("/api/cameras/tank-1")).json()
+    assert stale["step"] == "pose"
+    assert "another calibration of its lens" in stale["missing"]
+
+    origins = {one.id: origin_of(one) for one in foundation.services.get(Cameras).records}
+    placed = await foundation.store.write(
+        lambda session: add_calibration(
+            session,
+            "rig",
+            result=calibrated[1].result,
+            covariance=calibrated[1].covariance,
+            inputs={"origins": origins},
+            at=foundation.clock.now(),
+            by="ann",
+        )
+    )
+    await calibrations.take(placed, None, by="ann")
+    assert (await client.get("/api/cameras/tank-1")).json()["step"] == "done"
+    faster = await client.patch("/api/cameras/tank-1", json={"uri": URI.replace("10", "5")})
+    assert faster.json()["step"] == "done"
+    other = await client.patch("/api/cameras/tank-1", json={"uri": "http://127.0.0.1:7/camera/1"})
+    assert other.json()["step"] == "lens"
+    assert other.json()["place"] is None
+    assert rig.rig.cameras == ("tank-2",)
 
 
 async def test_a_removed_camera_leaves_the_rig_and_comes_back_uncalibrated(

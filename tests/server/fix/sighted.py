@@ -13,6 +13,7 @@ from robot_link.camera.sighting import Sighting, TagSeen
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
 from server.camera.event import PictureSeen
+from server.camera.rig import origin_of
 from server.camera.vision import rig_document
 from tests.autonomy.vision.tank import ROBOT, overhead_cameras, see, tank_layout
 from tests.autonomy.vision.test_tracker import dive
@@ -40,7 +41,7 @@ async def calibrate(foundation, client, bundles=(ROBOT,)):
             "rig",
             result=rig_document(Rig(CAMERAS), keys, tank_layout(), 1.0, {}),
             covariance=np.diag(errors),
-            inputs={},
+            inputs={"origins": {record.id: origin_of(record) for record in cameras.records}},
             at=foundation.clock.now(),
             by="ann",
         )

@@ -4,26 +4,33 @@ import asyncio
 import csv
 import os
 import signal
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 
+from autonomy.site import TANK
 from autonomy.vision.rigid import Pose
+from autonomy.vision.tag import Layout, Tag
 from db.query.camera.fixes import list_fixes
+from robot_link.camera.config import CameraConfig
+from robot_link.camera.sighting import Sighting
 from robot_link.messages import RobotId
 from server.base.worker import WorkerEndedError, WorkerPool
+from server.camera.processes import CameraProcesses
 from server.camera.rig import CameraRig
 from server.fix import follow
+from server.fix import fusion as fusing
 from server.fix.event import FixFound
 from server.fix.follow import CAUSE
 from server.fix.fusion import Fusion
+from server.fix.gathering import Gathering, Picture
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
-from tests.autonomy.vision.tank import ROBOT
+from tests.autonomy.vision.tank import ROBOT, tank_layout
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report
-from tests.server.fix.sighted import LINK, OTHER, Cameraman, calibrate, give_link
+from tests.server.fix.sighted import LINK, OTHER, Cameraman, calibrate, give_link, put_tags
 
 HERE = Pose.of_angles([2.0, 1.4, 0.5], 0.05, -0.2, 1.0)
 THERE = Pose.of_angles([2.6, 1.0, 0.3], 0.0, 0.0, -1.0)
@@ -131,7 +138,16 @@ async def test_a_robot_that_is_hidden_is_told_as_lost_with_its_age(
 async def test_two_robots_each_get_their_own_fixes(client, foundation):
     await calibrate(foundation, client, (ROBOT, OTHER))
     await give_link(client)
-    await give_link(client, "grace-1", ("cameras:///?tags=grace-1",))
+    body = {
+        "id": "mini-2",
+        "name": "Second",
+        "model": "miniglider",
+        "system_id": 7,
+        "links": ["cameras:///?tags=grace-1"],
+        "site": TANK.model_dump(mode="json"),
+    }
+    added = await client.post("/api/robots", json=body)
+    assert added.status_code == 201, added.text
     filming, found = Cameraman(foundation), {}
     foundation.bus.subscribe(FixFound, lambda event: found.setdefault(event.fix.robot, event.fix))
 
@@ -141,7 +157,78 @@ async def test_two_robots_each_get_their_own_fixes(client, foundation):
 
     await until(lambda: asyncio.sleep(0.1, both()))
     assert found[MINI].ned_m == pytest.approx(HERE.position_m, abs=0.006)
-    assert found[RobotId("grace-1")].tags == (3, 4, 5)
+    assert found[RobotId("mini-2")].tags == (3, 4, 5)
+
+
+async def test_two_robots_cannot_have_one_set_of_tags(client, filming):
+    for links in ([LINK], ["cameras:/?tags=mini-1"]):
+        answer = await client.patch("/api/robots/grace-1", json={"links": links})
+        assert answer.status_code == 409, answer.text
+
+
+async def test_a_robot_in_another_water_is_not_sought_and_told_why(
+    client, station, filming, foundation
+):
+    found = []
+    foundation.bus.subscribe(FixFound, found.append)
+    await give_link(client, "grace-1", ("cameras:///?tags=grace-1",))
+    await put_tags(client, (ROBOT, OTHER))
+
+    def is_told():
+        views = link_views(station.fleet.status("grace-1"))
+        why = "cameras hang over a tank, and its water is Practice lake"
+        return any(why in view.text for view in views)
+
+    await filming.until_found(OTHER.tags, THERE, is_told)
+    assert not found
+
+
+def test_fixed_tags_far_from_a_tank_are_of_another_water():
+    assert not fusing.other_water(TANK, tank_layout())
+    far = Layout((Tag(100, 0.15, (9.0, 0.0, 1.2)),))
+    assert "tag 100 lies outside of its water, Test tank" in fusing.other_water(TANK, far)
+
+
+async def test_pictures_that_fail_once_are_sought_anew_without_what_was_known(
+    client, filming, foundation
+):
+    await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    count = len(await fixes(client))
+    foundation.services.get(Fusion)._tracks = b"no tracks"
+    await filming.until_found(ROBOT.tags, HERE, lambda: more(client, count + 2))
+
+
+async def test_the_gates_of_the_settings_are_those_of_fixes(client, world, filming, foundation):
+    body = {"position_std_max_m": 0.005, "rms_max": 1.0}
+    await filming.until_found(ROBOT.tags, HERE, lambda: fixes(client))
+    processes = foundation.services.get(CameraProcesses)
+    processes.config = CameraConfig(**{**body, "fix_rate_hz": 0.1})
+
+    async def refused():
+        return [one for one in await fixes(client) if one["quality"] == "refused"]
+
+    await filming.until_found(ROBOT.tags, HERE, refused)
+
+
+async def test_fixes_are_sent_as_often_as_the_settings_say(client, world, filming, foundation):
+    foundation.services.get(CameraProcesses).config = CameraConfig(fix_rate_hz=0.1)
+    await filming.until_found(ROBOT.tags, HERE, lambda: more(client, 8))
+    assert len(world.fixes) == 1
+
+
+@pytest.mark.parametrize(("together_s", "moments"), [(0.06, 1), (0.01, 2)])
+def test_one_moment_has_one_picture_of_each_camera_the_newest(together_s, moments):
+    gathering, begun = Gathering(timedelta(seconds=together_s)), datetime.now(UTC)
+    for camera, after_ms in (("a", 0), ("b", 5), ("a", 40)):
+        at = begun + timedelta(milliseconds=after_ms)
+        sighting = Sighting(camera, 1, at, at, (640, 480), "whole", [])
+        gathering.add(Picture(at, at, sighting))
+    found = []
+    while moment := gathering.complete(begun + timedelta(seconds=1)):
+        found.append([(one.sighting.camera, one.taken_at - begun) for one in moment])
+    assert len(found) == moments
+    assert all(len({camera for camera, _ in moment}) == len(moment) for moment in found)
+    assert ("a", timedelta(milliseconds=40)) in found[-1]
 
 
 async def test_a_tag_that_nobody_knows_is_listed_as_a_stranger(client, filming):
