@@ -244,47 +244,42 @@ async def test_an_older_calibration_can_be_chosen_again(client, foundation, cali
     ).status_code == 404
 
 
-async def test_a_camera_at_another_address_is_set_up_anew(client, foundation, calibrated):
-    rig = foundation.services.get(CameraRig)
-    lens = await foundation.store.write(
-        lambda session: add_calibration(
-            session,
-            "lens",
-            result={"lens": lens_document(LENS), **FIT},
-            covariance=1e-6 * np.eye(9),
-            inputs={},
-            at=foundation.clock.now(),
-            by="ann",
-            camera_key=foundation.services.get(Cameras).get("tank-1").key,
-        )
-    )
-    calibrations = foundation.services.get(Calibrations)
-    await calibrations.take(lens, "tank-1", by="ann")
-    await client.put("/api/tags", json=tags(FLOOR))
-    stale = (await client.get("/api/cameras/tank-1")).json()
-    assert stale["step"] == "pose"
-    assert "another calibration of its lens" in stale["missing"]
+async def test_a_camera_at_another_address_or_with_another_lens_is_not_done(
+    client, foundation, calibrated
+):
+    cameras, calibrations = (foundation.services.get(one) for one in (Cameras, Calibrations))
 
-    origins = {one.id: origin_of(one) for one in foundation.services.get(Cameras).records}
-    placed = await foundation.store.write(
-        lambda session: add_calibration(
-            session,
-            "rig",
-            result=calibrated[1].result,
-            covariance=calibrated[1].covariance,
-            inputs={"origins": origins},
-            at=foundation.clock.now(),
-            by="ann",
+    async def kept(kind, result, covariance, **more):
+        at = foundation.clock.now()
+        more = {"inputs": {}, **more, "at": at, "by": "ann"}
+        return await foundation.store.write(
+            lambda session: add_calibration(
+                session, kind, result=result, covariance=covariance, **more
+            )
         )
-    )
+
+    async def lens_anew():
+        result = {"lens": lens_document(LENS), **FIT}
+        key = cameras.get("tank-1").key
+        record = await kept("lens", result, 1e-6 * np.eye(9), camera_key=key)
+        await calibrations.take(record, "tank-1", by="ann")
+
+    async def step(**changes):
+        answer = await client.patch("/api/cameras/tank-1", json=changes)
+        return answer.json()["step"]
+
+    await lens_anew()
+    await client.put("/api/tags", json=tags(FLOOR))
+    inputs = {"origins": {one.id: origin_of(one) for one in cameras.records}}
+    before = calibrated[1]
+    placed = await kept("rig", before.result, before.covariance, inputs=inputs)
     await calibrations.take(placed, None, by="ann")
-    assert (await client.get("/api/cameras/tank-1")).json()["step"] == "done"
-    faster = await client.patch("/api/cameras/tank-1", json={"uri": URI.replace("10", "5")})
-    assert faster.json()["step"] == "done"
-    other = await client.patch("/api/cameras/tank-1", json={"uri": "http://127.0.0.1:7/camera/1"})
-    assert other.json()["step"] == "lens"
-    assert other.json()["place"] is None
-    assert rig.rig.cameras == ("tank-2",)
+    assert await step(latency_s=0.1) == "done"
+    assert await step(uri=URI.replace("10", "5")) == "done"
+    await lens_anew()
+    assert await step(latency_s=0.2) == "pose"
+    assert await step(uri="http://127.0.0.1:7/camera/1") == "lens"
+    assert foundation.services.get(CameraRig).rig.cameras == ("tank-2",)
 
 
 async def test_a_removed_camera_leaves_the_rig_and_comes_back_uncalibrated(
