@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from simulator.fault_desk import FaultNews
 
 _PART_MAX = 0.9
+_DEPTH_MAX_M = 2.0
 
 _log = logging.getLogger(__name__)
 
@@ -87,7 +88,7 @@ def add_world_options(parser: ArgumentParser) -> None:
     )
     parser.add_argument(
         "--surface-depth",
-        type=float,
+        type=depth,
         metavar="METRES",
         help="to this depth robots below cameras take fixes, at most 2 (default: as delivered, the"
         " surface alone)",
@@ -132,6 +133,21 @@ def part(text: str) -> float:
         value = -1.0
     if not 0.0 <= value <= _PART_MAX:
         raise ArgumentTypeError(f"{text} does not lie between 0 and {_PART_MAX:g}")
+    return value
+
+
+def depth(text: str) -> float:
+    """Read to which depth robots take fixes.
+
+    Raises:
+        ArgumentTypeError: If it is not more than 0 and at most 2 m.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= _DEPTH_MAX_M:
+        raise ArgumentTypeError(f"{text} does not lie between 0 and {_DEPTH_MAX_M:g} m")
     return value
 
 

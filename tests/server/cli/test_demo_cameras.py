@@ -79,3 +79,17 @@ def test_a_second_demo_in_a_folder_leaves_tags_as_they_are_and_adds_those_of_new
     ids = {one["robot"]: [tag["id"] for tag in one["tags"]] for one in bundles}
     assert ids == {"mini-1": [0, 1, 2], "mini-2": [3, 4, 5]}
     assert supervised
+
+
+def test_a_demo_tells_its_robots_to_which_depth_fixes_count(tmp_path, supervised):
+    demo(tmp_path, "--cameras", "--surface-depth", "1.2")
+    command = supervised[0]
+    assert command[command.index("--surface-depth") + 1] == "1.2"
+
+
+@pytest.mark.parametrize("depth", ["0", "2.5", "nan", "deep"])
+def test_a_depth_that_no_robot_can_have_is_refused(tmp_path, supervised, capsys, depth):
+    with pytest.raises(SystemExit):
+        demo(tmp_path, "--cameras", "--surface-depth", depth)
+    assert f"{depth} does not lie between 0 and 2 m" in capsys.readouterr().err
+    assert not supervised
