@@ -61,7 +61,7 @@ class Verdict:
 
     quality: Quality
     reason: str = ""
-    """Why it is refused or less than good."""
+    """Why it is refused or less than good; numbers of this fix stand in brackets at the end."""
     is_surprise: bool = False
     """It is refused as too far from where it was expected, and that alone."""
 
@@ -84,7 +84,7 @@ def judge(
         return Verdict("refused", f"the corners do not fit together (rms {fix.rms:.1f})")
     std_m = math.sqrt(float(np.linalg.eigvalsh(fix.position_covariance)[-1]))
     if not std_m <= gates.std_m:
-        return Verdict("refused", f"the position is known to {std_m:.2f} m only")
+        return Verdict("refused", f"the position is not known well enough ({std_m:.2f} m)")
     if water is not None and _is_outside(fix.position_ned_m, water, gates.outside_m):
         return Verdict("refused", "the position is outside of the water")
     is_alone = len(fix.cameras) == 1 and len(fix.tags) == 1 and not fix.has_telemetry
@@ -96,7 +96,7 @@ def judge(
         surprise = float(off @ np.linalg.solve(both, off))
         if not surprise <= gates.surprise:
             away_m = float(np.linalg.norm(off))
-            reason = f"the position is {away_m:.2f} m from where it should be"
+            reason = f"the position is not where it should be ({away_m:.2f} m from it)"
             return Verdict("refused", reason, is_surprise=True)
     if is_alone:
         return Verdict("position_only", "one tag in one camera: its tilt is not sure")

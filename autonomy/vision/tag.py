@@ -278,7 +278,11 @@ def _tag_of(entry: object, path: str) -> Tag:
     unknown = fields.keys() - Tag.__dataclass_fields__.keys()
     if unknown:
         raise ValueError(f"{path}.{min(unknown)}: no tag has this field")
-    others = {name: _number(value, f"{path}.{name}") for name, value in fields.items()}
+    others = {
+        name: _number(value, f"{path}.{name}")
+        for name, value in fields.items()
+        if value is not None  # as REST tells what nobody said
+    }
     try:
         return Tag(tag_id, size_m, (x, y, z), **others)
     except ValueError as refused:

@@ -61,7 +61,7 @@ class Eye:
         self._orders, self._output = orders, output
         self._newest = Newest(uri, orders.settings)
         self._camera = orders.settings.camera
-        self._detector = TagDetector(orders.settings.gamma)
+        self._detector = TagDetector()
         self._frame_number = 0
         self._wholes = 0
         self._whole_s = self._preview_s = self._report_s = -1e9

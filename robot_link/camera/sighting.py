@@ -138,8 +138,6 @@ class SourceSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """``GRACE_CAMERA_DIR``, below which folders and videos must lie."""
     user: str = ""
     password: str = ""
-    gamma: float = 2.2
-    """The camera's response curve."""
 
 
 def perimeter_px(tag: TagSeen) -> float:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sqlalchemy.orm import Session
 
@@ -77,8 +77,8 @@ class Tags:
         self._foundation.bus.publish(TagsChanged(self.version))
 
     def _take(self, record: TagSetRecord) -> None:
-        bundles = tuple(bundle_of(_told(one)) for one in record.bundles)
-        self.registry = Registry(layout_of(_told(record.layout)), bundles)
+        bundles = tuple(bundle_of(one) for one in record.bundles)
+        self.registry = Registry(layout_of(record.layout), bundles)
         self.record = record
 
 
@@ -121,12 +121,6 @@ def _wrong(complaint: str) -> Problem:
         if part
     ]
     return unprocessable("1 field is wrong.", [FieldError(loc=loc, msg=words)])
-
-
-def _told(document: Any) -> dict[str, object]:  # noqa: ANN401 - a JSON object of the database
-    """Return a document of the database as ``autonomy.vision.tag`` reads it: nothing is null."""
-    tags = [{k: v for k, v in tag.items() if v is not None} for tag in document["tags"]]
-    return {**document, "tags": tags}
 
 
 def _outdated() -> Problem:

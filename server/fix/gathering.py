@@ -6,10 +6,11 @@ from datetime import datetime, timedelta
 from typing import Final
 
 from robot_link.camera.sighting import Sighting
+from server.camera.moment import OLDEST_S
 
 HOLD: Final = timedelta(milliseconds=250)
 """So long a moment waits for cameras whose pictures come later."""
-OLDEST: Final = timedelta(seconds=1)
+OLDEST: Final = timedelta(seconds=OLDEST_S)
 """Older pictures tell nobody where a robot is."""
 _LATELY: Final = timedelta(seconds=2)
 """A camera that brought nothing for so long is not waited for."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import deque
 from concurrent.futures import Future
 from datetime import datetime
 from typing import Final
@@ -24,6 +25,10 @@ _SENT_PERIOD_S: Final = 0.5
 """What was sent is noted so often, in one transaction for all robots."""
 
 
+SENT_MAX: Final = 20_000
+"""So many wait to be noted as sent while storage fails; of more, the oldest are not noted."""
+
+
 class FixRecords:
     """Keeps fixes. Belongs to one event loop.
 
@@ -34,7 +39,7 @@ class FixRecords:
         self._store, self._fleet = store, fleet
         self._clock = clock
         self._bus = bus
-        self._sent: list[tuple[CameraFix, datetime]] = []
+        self._sent: deque[tuple[CameraFix, datetime]] = deque(maxlen=SENT_MAX)
 
     def take(self, event: FixFound) -> None:
         """Have a fix written with the next batch."""
@@ -71,7 +76,8 @@ class FixRecords:
 
     async def flush(self) -> None:
         """Write what was sent; what cannot be written waits."""
-        sent, self._sent = self._sent, []
+        sent = list(self._sent)
+        self._sent.clear()
         if not sent:
             return
 
@@ -82,7 +88,8 @@ class FixRecords:
         try:
             await self._store.write(write)
         except StoreUnavailableError:
-            self._sent = sent + self._sent
+            room = SENT_MAX - len(self._sent)
+            self._sent.extendleft(reversed(sent[max(len(sent) - room, 0) :]))
         else:
             for robot in {fix.robot for fix, _ in sent}:
                 self._bus.publish(FixesStored(robot))

@@ -27,6 +27,7 @@ async def list_robot_fixes(
     robot: str,
     fleet: FleetDep,
     foundation: FoundationDep,
+    fusion: FusionDep,
     start: Moment = None,
     end: Moment = None,
     max_points: Annotated[int, Query(ge=1, le=10_000)] = 1000,
@@ -43,7 +44,9 @@ async def list_robot_fixes(
         return [fix_view(one) for one in found]
 
     fixes = await foundation.store.query(read)
-    return FixesView(robot, fixes, foundation.settings.simulation or record.simulated)
+    sight = fusion.sight(robot)
+    refused = {} if sight is None else dict(sight.refused)
+    return FixesView(robot, fixes, refused, foundation.settings.simulation or record.simulated)
 
 
 @router.get("/api/tags/strangers")

@@ -1,6 +1,6 @@
 """How well cameras see one robot, as its link tells it."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -42,13 +42,14 @@ class CameraSight:
     newest: CameraFix | None = None
     """That was taken."""
     found: int = 0
-    refused: int = 0
+    refused: Counter[str] = field(default_factory=Counter[str])
+    """Sets of pictures that gave no fix, by reason, whose numbers are left out."""
     _lately: deque[datetime] = field(default_factory=deque[datetime])
 
     def take(self, fix: CameraFix | None, reason: str) -> None:
         """Take what a set of pictures gave."""
         if fix is None or fix.quality == "refused":
-            self.refused += 1
+            self.refused[reason.partition(" (")[0]] += 1
             self.refusal = reason
             return
         self.found += 1
@@ -69,7 +70,7 @@ class CameraSight:
             heard_at=at,
             rssi_dbm=None,
             frames_received=self.found,
-            frames_bad=self.refused,
+            frames_bad=self.refused.total(),
             uri=self.uri,
             words=self._words(now, is_live=is_live),
         )

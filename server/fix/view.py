@@ -40,7 +40,7 @@ class FixView(View):
     calibration: str | None
     """Id of the calibration that it rests on."""
     sent_at: datetime | None
-    """When it was sent to the robot by radio; ``null`` where it was not."""
+    """When it was sent to the robot by radio; ``null`` where nobody noted that it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,8 @@ class FixesView(View):
 
     robot: str
     fixes: list[FixView]
+    refused: dict[str, int]
+    """How many sets of pictures of it gave none, by reason, since the station began."""
     simulation: bool
 
 

@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from db.camera_tables import TagSetRow
-from db.fault import StoreError, UnknownIdError
+from db.fault import StoreError
 
 Document = Mapping[str, Any]
 
@@ -65,18 +65,6 @@ def newest_tag_set(session: Session) -> TagSetRecord | None:
     """Return the tags that are in use, None where nobody has told any."""
     row = session.scalar(select(TagSetRow).order_by(TagSetRow.key.desc()).limit(1))
     return None if row is None else _record(row)
-
-
-def get_tag_set(session: Session, key: int) -> TagSetRecord:
-    """Return tags as they were.
-
-    Raises:
-        UnknownIdError: If there are none of this key.
-    """
-    row = session.get(TagSetRow, key)
-    if row is None:
-        raise UnknownIdError("tag set", str(key))
-    return _record(row)
 
 
 def _record(row: TagSetRow) -> TagSetRecord:

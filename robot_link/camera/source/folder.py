@@ -1,11 +1,12 @@
 """A folder of pictures, shown one after the other: for tests, and for what was kept.
 
-A picture whose name tells when it was taken (``20261122T150405.123Z.jpg``) is shown as taken and
-arrived then, and the next one as long after it as their names say.
+A picture whose name tells when it was taken (``20261122T150405.123Z.jpg``, or so with the camera's
+id before it, as kept pictures are named) is shown as if the first one were taken now, and the next
+one as long after it as their names say, at most 10 s.
 """
 
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +23,7 @@ from robot_link.camera.wire import BODY_MAX
 
 _NAME: Final = "%Y%m%dT%H%M%S.%fZ"
 _ENDINGS: Final = (".jpg", ".jpeg", ".png")
-_LONGEST_PAUSE_S: Final = 10.0
+_LONGEST_PAUSE: Final = timedelta(seconds=10)
 
 
 def folder_frames(uri: FileUri, settings: SourceSettings) -> Frames:
@@ -40,17 +41,17 @@ def folder_frames(uri: FileUri, settings: SourceSettings) -> Frames:
     ]
     if not pictures:
         raise SourceError(f"the folder {uri.name} has no picture (.jpg, .jpeg, .png)")
-    before: datetime | None = None
+    shown_at, before = datetime.now(UTC), None
     for path in pictures:
         taken_at = _time_of(path)
-        if before is not None and taken_at is not None:
-            pause_s = (taken_at - before).total_seconds()
-            time.sleep(min(max(pause_s, 0.0), _LONGEST_PAUSE_S))
-        before = taken_at
-        frame = arrived(_content(path), settings.latency_s or 0.0)
-        yield frame if taken_at is None else Frame(frame.content, taken_at, taken_at)
         if taken_at is None:
+            yield arrived(_content(path), settings.latency_s or 0.0)
             time.sleep(1.0 / uri.fps)
+            continue
+        pause = timedelta() if before is None else max(taken_at - before, timedelta())
+        shown_at, before = shown_at + min(pause, _LONGEST_PAUSE), taken_at
+        time.sleep(max((shown_at - datetime.now(UTC)).total_seconds(), 0.0))
+        yield Frame(_content(path), shown_at, max(shown_at, datetime.now(UTC)))
     raise SourceEndedError(f"all {len(pictures)} pictures of the folder were shown")
 
 
@@ -64,6 +65,6 @@ def _content(path: Path) -> bytes:
 
 def _time_of(path: Path) -> datetime | None:
     try:
-        return datetime.strptime(path.stem, _NAME).replace(tzinfo=UTC)
+        return datetime.strptime(path.stem.rpartition("-")[2], _NAME).replace(tzinfo=UTC)
     except ValueError:
         return None

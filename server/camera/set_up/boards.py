@@ -26,6 +26,7 @@ class Boards:
         self._foundation = foundation
         self._shots: defaultdict[str, list[Shot]] = defaultdict(list)
         self._missing: dict[str, tuple[str, ...]] = {}
+        self._kinds: dict[str, LensKind] = {}
         self._waiting: dict[str, asyncio.Future[BoardView]] = {}
         self._numbers: defaultdict[str, int] = defaultdict(int)
         self._ask: Callable[[str], None] | None = None
@@ -82,7 +83,8 @@ class Boards:
             raise JobError(f"There are {MOST} pictures already; calibrate, or begin anew.")
         self._numbers[camera] += 1
         shots.append(Shot(self._numbers[camera], view.size, tuple(view.corners)))
-        await self._judge(camera, kind)
+        self._kinds[camera] = kind
+        await self._judge(camera)
         self._foundation.feed.mark("cameras")
         return {"number": self._numbers[camera], "corners": len(view.corners)}
 
@@ -90,13 +92,14 @@ class Boards:
         """Forget one picture of the board, or all."""
         kept = [one for one in self._shots[camera] if number is not None and one.number != number]
         self._shots[camera] = kept
-        await self._judge(camera, "pinhole")
+        await self._judge(camera)
         self._foundation.feed.mark("cameras")
 
     def drop(self, camera: str) -> None:
         """Forget a camera that is gone."""
         self._shots.pop(camera, None)
         self._missing.pop(camera, None)
+        self._kinds.pop(camera, None)
         self._numbers.pop(camera, None)
 
     async def _view(self, camera: str) -> BoardView:
@@ -113,9 +116,9 @@ class Boards:
             if self._waiting.get(camera) is waiting:
                 del self._waiting[camera]
 
-    async def _judge(self, camera: str, kind: LensKind) -> None:
-        """Work out what is missing yet."""
-        problem = LensProblem(kind, self.shots(camera))
+    async def _judge(self, camera: str) -> None:
+        """Work out what is missing yet, for the kind of lens that was asked for last."""
+        problem = LensProblem(self._kinds.get(camera, "pinhole"), self.shots(camera))
         try:
             self._missing[camera] = await self._foundation.workers.run(MISSING_BOARDS, problem)
         except WORKER_FAILURES as error:

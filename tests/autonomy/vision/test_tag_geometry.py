@@ -143,3 +143,9 @@ def test_a_robot_that_points_north_nose_down_to_starboard_says_so():
     assert edge[0] > 0.0  # the top edge is forward, so north
     assert edge[2] > 0.0  # and the nose is down
     assert pose.position_m[1] > 0.0
+
+
+def test_a_field_that_is_null_is_as_one_that_is_not_told():
+    tag = {"id": 100, "size_m": 0.15, "position_m": [0.5, 0.5, 1.2]}
+    told = {**tag, "position_std_m": None, "angle_std_deg": None}
+    assert layout_of({"tags": [told]}) == layout_of({"tags": [tag]})

@@ -180,7 +180,7 @@ def test_a_robot_that_takes_the_others_place_in_the_pictures_is_not_believed():
     swapped = pictures(1.0, [(OTHER.tags, here), (ROBOT.tags, there)], rng)
     answer = follow(tracks, swapped, RIG, REGISTRY)
     assert [found.verdict.quality for found in answer.found] == ["refused", "refused"]
-    assert all("from where it should be" in found.verdict.reason for found in answer.found)
+    assert all("not where it should be" in found.verdict.reason for found in answer.found)
     assert [answer.tracks[robot].surprises for robot in ("mini-1", "mini-2")] == [1, 1]
     for at_s in np.arange(1.2, 2.0, PERIOD_S):  # told so five times, it is believed
         taken = pictures(at_s, [(OTHER.tags, here), (ROBOT.tags, there)], rng)

@@ -6,18 +6,20 @@ import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from robot_link.camera import extra
 from robot_link.camera.config import CameraConfig
-from robot_link.camera.sighting import Region, Sighting
+from robot_link.camera.sighting import BoardCorner, BoardView, Region, Sighting
 from robot_link.clock import ScaledClock, SystemClock
 from server.access.role import Role
 from server.camera.event import PictureSeen
 from server.camera.moment import AHEAD, BACK, OLD, PictureMoments
 from server.camera.processes import CameraProcesses
 from server.camera.rig import CameraRig
+from server.camera.set_up.boards import CORNERS_MOST, Boards
 from tests.server.camera.conftest import STAND_IN
 from tests.server.conftest import api_client, until
 
@@ -242,6 +244,24 @@ async def test_regions_reach_the_process_also_after_a_restart(client, foundation
     os.kill(processes.process_id("tank-1"), 9)
     count = len(seen)
     await until(lambda: len(seen) > count + 2)
+
+
+async def test_a_board_picture_that_is_removed_leaves_the_kind_of_lens(foundation, monkeypatch):
+    boards, kinds = foundation.services.get(Boards), []
+
+    async def judged(_, problem):
+        kinds.append(problem.kind)
+        return ()
+
+    async def view(_):
+        corners = [BoardCorner(i, (float(i), 0.0)) for i in range(CORNERS_MOST)]
+        return BoardView("tank-1", 1, (640, 480), corners)
+
+    monkeypatch.setattr(foundation.workers, "run", judged)
+    monkeypatch.setattr(boards, "_view", view)
+    taken = await boards.take("tank-1", "fisheye", SimpleNamespace(report=lambda *_: None))
+    await boards.remove("tank-1", taken["number"])
+    assert kinds == ["fisheye", "fisheye"]
 
 
 PARENT = """

@@ -5,6 +5,7 @@ import csv
 import os
 import signal
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from autonomy.site import TANK
 from autonomy.vision.rigid import Pose
 from autonomy.vision.tag import Layout, Tag
+from db.fault import StoreUnavailableError
 from db.query.camera.fixes import list_fixes
 from robot_link.camera.config import CameraConfig
 from robot_link.camera.sighting import Sighting
@@ -19,7 +21,7 @@ from robot_link.messages import RobotId
 from server.base.worker import WorkerEndedError, WorkerPool
 from server.camera.processes import CameraProcesses
 from server.camera.rig import CameraRig
-from server.fix import follow
+from server.fix import follow, records
 from server.fix import fusion as fusing
 from server.fix.event import FixFound
 from server.fix.follow import CAUSE
@@ -231,6 +233,25 @@ def test_one_moment_has_one_picture_of_each_camera_the_newest(together_s, moment
     assert ("a", timedelta(milliseconds=40)) in found[-1]
 
 
+async def test_fixes_that_were_sent_are_noted_once_storage_works_again(
+    foundation, filming, monkeypatch
+):
+    async def fails(_):
+        raise StoreUnavailableError("the disk is full")
+
+    monkeypatch.setattr(records, "SENT_MAX", 5)
+    kept = records.FixRecords(foundation.store, foundation.clock, foundation.bus, None)
+    at, marked = foundation.clock.now(), []
+    monkeypatch.setattr(records, "mark_sent", lambda _, robot, *__: marked.append(robot))
+    with monkeypatch.context() as failing:
+        failing.setattr(foundation.store, "write", fails)
+        for number in range(8):
+            kept.note_sent(SimpleNamespace(robot=number, measured_at=at), at)
+            await kept.flush()
+    await kept.flush()
+    assert marked == [3, 4, 5, 6, 7]
+
+
 async def test_a_tag_that_nobody_knows_is_listed_as_a_stranger(client, filming):
     filming.shoot((OTHER.tags, HERE))
     listed = await until(lambda: strangers(client))
@@ -255,6 +276,8 @@ async def test_a_refused_fix_is_kept_with_its_reason_and_not_sent(client, world,
     rows = await filming.until_found(ROBOT.tags, above, lambda: fixes(client))
     assert rows[-1]["quality"] == "refused"
     assert rows[-1]["reason"] == "the position is outside of the water"
+    told = (await client.get("/api/robots/mini-1/fixes")).json()
+    assert told["refused"]["the position is outside of the water"] >= 1
     assert world.fixes == []
 
 
