@@ -2,10 +2,12 @@
 
 FFmpeg is chosen by name, for the backend that OpenCV would choose itself ignores the timeouts. It
 is told which protocols and kinds of files it may open: a film that is in truth a list of other
-addresses is none.
+addresses is none. It follows redirects of RTSP and cannot be told not to, so the camera is asked
+before, without its account, whether it sends elsewhere.
 """
 
 import os
+import socket
 import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
@@ -29,6 +31,7 @@ _OPTIONS: Final = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 _LOG_LEVEL: Final = "OPENCV_FFMPEG_LOGLEVEL"
 _SAYS_NOTHING: Final = "-8"
 """FFmpeg's log would repeat addresses with their passwords."""
+_RTSP_PORT, _LINE_MAX = 554, 1024
 _FILM_KINDS: Final = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
 
 
@@ -38,6 +41,7 @@ def rtsp_frames(uri: RtspUri, settings: SourceSettings) -> Frames:
     options = {"rtsp_transport": uri.transport, "protocol_whitelist": "rtsp,rtp,tcp,udp"}
     url = _with_password(uri.url, settings)
     failure = "the camera cannot be reached, or wants another user and password"
+    _refuse_redirect(uri.url, failure)
     with _opened(url, options, failure) as camera:
         for picture in _read(camera):
             yield arrived(picture, latency_s)
@@ -60,6 +64,25 @@ def film_frames(uri: FileUri, settings: SourceSettings) -> Frames:
             shown += 1
             time.sleep(1.0 / uri.fps)
     raise SourceEndedError(f"all {shown} pictures of the film were shown")
+
+
+def _refuse_redirect(url: str, failure: str) -> None:
+    """Ask a camera what it would show.
+
+    Raises:
+        SourceError: If nobody answers, or the camera sends elsewhere.
+    """
+    parts = urlsplit(url)
+    ask = f"DESCRIBE {url} RTSP/1.0\r\nCSeq: 1\r\nAccept: application/sdp\r\n\r\n"
+    try:
+        where = parts.hostname, parts.port or _RTSP_PORT
+        with socket.create_connection(where, TIMEOUT_S) as line:
+            line.sendall(ask.encode())
+            begin = line.makefile("rb").readline(_LINE_MAX)
+    except OSError:
+        raise SourceError(failure) from None
+    if begin.startswith(b"RTSP/") and begin.partition(b" ")[2].startswith(b"3"):
+        raise SourceError("the camera sends elsewhere, which is not followed: write where it is")
 
 
 def _with_password(url: str, settings: SourceSettings) -> str:

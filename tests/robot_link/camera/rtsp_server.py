@@ -78,6 +78,8 @@ class _Handler(socketserver.StreamRequestHandler):
         status, more, body = "200 OK", "", ""
         if "/closed" in url and headers.get("authorization") != wanted:
             status, more = "401 Unauthorized", 'WWW-Authenticate: Basic realm="x"\r\n'
+        elif "/elsewhere" in url and method != "OPTIONS":
+            status, more = "302 Moved", f"Location: {self._camera.elsewhere}\r\n"
         elif method == "OPTIONS":
             more = "Public: OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN\r\n"
         elif method == "DESCRIBE":
@@ -100,7 +102,10 @@ class _Handler(socketserver.StreamRequestHandler):
 
 
 class RtspServer(socketserver.ThreadingTCPServer):
-    """Plays what ``picture`` gives; ``/closed`` wants the user *tank* and the password *secret*."""
+    """Plays what ``picture`` gives; ``/closed`` wants the user *tank* and the password *secret*.
+
+    ``/elsewhere`` sends to another address.
+    """
 
     daemon_threads = True
 
@@ -108,6 +113,7 @@ class RtspServer(socketserver.ThreadingTCPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.picture, self.size = picture, size
         self.asked: list[tuple[str, str, str]] = []
+        self.elsewhere = ""
         self.is_stopped = threading.Event()
 
     @property

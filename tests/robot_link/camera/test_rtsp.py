@@ -47,6 +47,14 @@ def test_a_wrong_password_is_told_and_is_in_no_words():
     assert "hidden" not in str(refusal.value)
 
 
+def test_a_camera_that_sends_elsewhere_is_not_followed():
+    with playing(picture, SIZE) as camera, playing(picture, SIZE) as other:
+        camera.elsewhere = f"{other.address}/h"
+        with pytest.raises(SourceError, match="sends elsewhere, which is not followed"):
+            next(frames(f"{camera.address}/elsewhere", user="tank", password="secret"))
+    assert other.asked == []
+
+
 def test_a_camera_that_says_nothing_is_given_up(monkeypatch):
     monkeypatch.setattr(stream, "TIMEOUT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent:
