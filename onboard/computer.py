@@ -190,6 +190,9 @@ class Computer:
     def step(self) -> None:
         """Let one period of the program pass; call it ten times a second of the robot."""
         self.program.step(self.link)
+        if reason := self.program.fixes.due_reason(self.program.time_s):
+            self.log.note(f"fixes are not taken: {reason}")
+            self.link.say(f"Fixes are not taken: {reason}")
         executive = self.program.executive
         if executive.plans_begun != self._noted_plan:
             self._noted_plan = executive.plans_begun
@@ -239,6 +242,8 @@ def _own_parameters(
         FLIGHT_PROFILES[vehicle.key],
         program.executive,
         talk,
+        fix_depth_m=program.fixes.surface_depth_m,
+        believe_fixes_to=program.believe_fixes_to,
         kept={} if values is None else values.load(),
         save=_forget if values is None else values.save,
     )

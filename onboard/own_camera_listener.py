@@ -19,7 +19,7 @@ from onboard.log import OnboardLog
 from onboard.node.camera import STATE, TAGS
 from onboard.node.client import NodeClient
 from onboard.own_camera_file import OwnCameraSetup
-from robot_link.camera.received_fix import ReceivedFix
+from robot_link.camera.received_fix import AGE_MAX_S, ReceivedFix
 
 _TAGS_MAX = 200
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
@@ -96,6 +96,9 @@ class OwnCameraListener:
         if not sightings:
             return
         age_s = (self._program.now - taken_at).total_seconds()
+        if age_s > AGE_MAX_S:  # to find itself takes time that the robot needs for flying
+            self._refuse(f"the picture is {age_s:.1f} s old; it may be {AGE_MAX_S:g} s")
+            return
         setup = self._setup
         found = find_self(
             setup.camera, setup.layout, setup.water, sightings, telemetry=self._telemetry(age_s)

@@ -42,6 +42,8 @@ _MANNERS = {
     "FLOOR_MARGIN_M": _Manner("floor_margin_m", 0.05, 20.0, "Comes up nearer to the floor, m"),
     "SHORE_MARGIN_M": _Manner("shore_margin_m", 0.05, 50.0, "Comes up nearer to the shore, m"),
 }
+FIX_DEPTH = "FIX_DEPTH_M"
+_FIX_DEPTH_MIN_M, _FIX_DEPTH_MAX_M = 0.01, 2.0
 _SILENCE, _PERIOD, _BYTES = "SAT_SILENCE_S", "SAT_PERIOD_S", "SAT_BYTES"
 _DAY, _HEALTH = "SAT_DAY_MAX", "SAT_HEALTH_S"
 
@@ -57,6 +59,8 @@ class OwnParameters:
         profile: Its manners as built.
         executive: What flies it.
         talk: Its satellite settings; None without a satellite modem.
+        fix_depth_m: Deeper than this it takes no fix, as built.
+        believe_fixes_to: Told how deep that is from now on.
         kept: Values from before it was switched off; what does not fit any more is left out.
         save: Called with all values after a change.
     """
@@ -69,6 +73,8 @@ class OwnParameters:
         executive: Executive,
         talk: TalkSettings | None,
         *,
+        fix_depth_m: float,
+        believe_fixes_to: Callable[[float], None],
         kept: Mapping[str, float],
         save: Callable[[dict[str, float]], None],
     ) -> None:
@@ -77,8 +83,11 @@ class OwnParameters:
         self._profile = profile
         self._executive = executive
         self._talk = talk
+        self._fix_depth_m = fix_depth_m
+        self._believe_fixes_to = believe_fixes_to
         self._save = save
         declared = [*_gain_parameters(controller), *_manner_parameters(profile)]
+        declared.append(_fix_depth(fix_depth_m))
         if talk is not None:
             declared += _satellite_parameters(talk)
         self.table = ParameterTable(declared, values=kept, on_change=self._take)
@@ -100,6 +109,9 @@ class OwnParameters:
         self._executive.set_controller(BacksteppingController(self._vehicle, config))
         manners = {manner.field: values[name] for name, manner in _MANNERS.items()}
         self._executive.set_profile(replace(self._profile, **manners))
+        depth_m = values[FIX_DEPTH]
+        is_built = math.isclose(depth_m, self._fix_depth_m, rel_tol=1e-6)
+        self._believe_fixes_to(self._fix_depth_m if is_built else depth_m)
         if self._talk is not None:
             self._talk.limits = CallLimits(values[_SILENCE], values[_PERIOD], int(values[_DAY]))
             self._talk.record_bytes = int(values[_BYTES])
@@ -133,6 +145,17 @@ def _manner_parameters(profile: FlightProfile) -> list[Parameter]:
         )
         for name, manner in _MANNERS.items()
     ]
+
+
+def _fix_depth(built_m: float) -> Parameter:
+    return Parameter(
+        FIX_DEPTH,
+        ParameterType.REAL32,
+        built_m,
+        _FIX_DEPTH_MIN_M,
+        _FIX_DEPTH_MAX_M,
+        "Takes no fix deeper than this, m",
+    )
 
 
 def _satellite_parameters(talk: TalkSettings) -> list[Parameter]:

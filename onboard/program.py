@@ -20,7 +20,7 @@ from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate, Navigator
-from onboard.flight.outside_fix import OutsideFixes
+from onboard.flight.outside_fix import FixSource, OutsideFixes
 from onboard.flight.pilot import Pilot
 from onboard.flight.water_track import CurrentBelief
 from onboard.link.robot_link import CommandOutcome
@@ -286,7 +286,15 @@ class OnboardProgram:
 
     def hear_own_fix(self, fix: ReceivedFix) -> None:
         """Take where the robot's own camera saw it to be, at whatever depth."""
-        self.fixes.hear(fix, self.now, None)
+        self.fixes.hear(fix, self.now, self._readings.depth_m, FixSource.OWN_CAMERA)
+
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Take fixes, of cameras outside and of its own sensor, where it is not deeper than this.
+
+        Its own camera sees it at any depth.
+        """
+        self.fixes.surface_depth_m = depth_m
+        self._navigator.believe_fixes_to(depth_m)
 
     def refuse_fix(self, reason: str) -> None:
         """Count a fix that is none, or is not for this robot."""
@@ -446,6 +454,7 @@ class OnboardProgram:
             mode=self.executive.mode,
             has_fix=estimate.has_fix,
             is_by_cameras=estimate.is_by_cameras,
+            is_by_own_camera=estimate.fixed_by is FixSource.OWN_CAMERA,
             energy_used=self.executive.energy_used,
             **{name: getattr(self._readings, name) for name in _SENSED},
         )

@@ -278,7 +278,9 @@ class StateReport:
     has_fix: bool
     """Whether the position was fixed from outside (GPS, cameras) at this moment."""
     is_by_cameras: bool = False
-    """Whether the newest such fix was told to the robot by somebody who sees it."""
+    """Whether cameras told the newest such fix."""
+    is_by_own_camera: bool = False
+    """Whether that was the robot's own."""
 
 
 STATE = Catalogue(StateReport)

@@ -71,8 +71,9 @@ class SimulatorSettings(Configuration):
     fixed_by_cameras: tuple[RobotId, ...] = ()
     """Robots that cameras see: no sensor of theirs tells them where they are. Below emulated
     cameras all robots of the tank are."""
-    surface_depth_m: float | None = Field(default=None, gt=0.0, le=2.0)
-    """Deeper than this those robots take no fix; as delivered without."""
+    surface_depth_m: float | None = Field(default=None, ge=0.01, le=2.0)
+    """Deeper than this those robots take no fix at first, until their parameter FIX_DEPTH_M is
+    changed; as delivered without."""
     has_ctd: bool = False
     """GRACE robots carry a CTD: salinity, conductivity and pressure beside their instruments."""
     has_own_cameras: bool = False

@@ -99,6 +99,8 @@ class ModelFilter:
         self._telling_stay_s = telling_stay_s(estimator, config.current.steady_std_m_s)
         self._doubt = self._watch.doubt
         self._fix_shift_m = (0.0, 0.0)
+        self.surface_depth_m = estimator.surface_depth_m
+        """Deeper than this, a fix of ``step`` is not believed."""
 
     @property
     def position_ned(self) -> tuple[float, float, float]:
@@ -223,10 +225,10 @@ class ModelFilter:
         if fix_ne is None or fix_ne == self._newest_fix:
             return
         self._newest_fix = fix_ne
-        if depth_m <= self._estimator.surface_depth_m:
+        if depth_m <= self.surface_depth_m:
             self._take_fix(fix_ne, self._estimator.fix_std_m)
 
-    def take_late_fix(self, fix_ne: tuple[float, float], variance_m2: float) -> None:
+    def take_late_fix(self, fix_ne: tuple[float, float], variance_m2: float) -> bool:
         """Take in a fix that says of itself how sure it is, after ``step``.
 
         Args:
@@ -234,16 +236,20 @@ class ModelFilter:
             variance_m2: Of that per axis, what was lost on that way included. Fixes that follow
                 each other have most of their error in common, so that it does not average out: no
                 axis becomes surer by a fix than the fix is.
+
+        Returns:
+            Whether it was believed.
         """
         self._fix_shift_m = (0.0, 0.0)
         least = np.minimum((self._S[_HORIZONTAL] ** 2).sum(axis=1), variance_m2)  # (2,)
         if not self._take_fix(fix_ne, math.sqrt(variance_m2)):
-            return
+            return False
         known = (self._S[_HORIZONTAL] ** 2).sum(axis=1)  # (2,)
         if (known < least).any():
             std = np.zeros(kernel.STATES)
             std[_HORIZONTAL] = np.sqrt(np.maximum(least - known, 0.0))
             kernel.widen(self._S, std)
+        return True
 
     def begin_with_current(
         self, current_ne_m_s: tuple[float, float], std_m_s: float, doubt: float

@@ -35,6 +35,8 @@ class PositionFilter:
     ) -> None:
         """Begin at a position known to ``position_std_m`` per axis, at rest."""
         self._config = config
+        self.surface_depth_m = config.surface_depth_m
+        """Deeper than this, a fix of ``step`` is not believed."""
         outlier = OutlierConfig()
         self._watch = FixWatch(config.doubt)
         self._gate = FixGate(
@@ -117,7 +119,7 @@ class PositionFilter:
         Raises:
             ValueError: If ``dt_s`` is not positive or a measurement is not finite.
         """
-        fix = fix_xy_m if depth_m <= self._config.surface_depth_m else None
+        fix = fix_xy_m if depth_m <= self.surface_depth_m else None
         velocity = np.array(velocity_ned, dtype=np.float64)
         xy = np.array(fix or (0.0, 0.0), dtype=np.float64)
         if not (0.0 < dt_s < math.inf and np.isfinite([*velocity, depth_m, *xy]).all()):
@@ -128,7 +130,7 @@ class PositionFilter:
             self._axes, dt_s, velocity, depth_m, xy, is_believed, self._noise
         )
 
-    def take_late_fix(self, fix_ne_m: tuple[float, float], variance_m2: float) -> None:
+    def take_late_fix(self, fix_ne_m: tuple[float, float], variance_m2: float) -> bool:
         """Take in a fix that says of itself how sure it is, after ``step``.
 
         Args:
@@ -136,14 +138,18 @@ class PositionFilter:
             variance_m2: Of that per axis, what was lost on that way included. Fixes that follow
                 each other have most of their error in common, so that it does not average out: no
                 axis becomes surer by a fix than the fix is.
+
+        Returns:
+            Whether it was believed.
         """
         self._fix_shift_m = (0.0, 0.0)
         if not self._takes(fix_ne_m, math.sqrt(variance_m2)):
-            return
+            return False
         before = self._axes[:2, 0].copy()
         take_late_fix(self._axes, np.array(fix_ne_m, dtype=np.float64), variance_m2)
         north, east = (self._axes[:2, 0] - before).tolist()
         self._fix_shift_m = (north, east)
+        return True
 
     def _takes(self, fix: tuple[float, float], std_m: float | None = None) -> bool:
         """Judge a fix; the way that the current may have made becomes part of the covariance."""

@@ -142,14 +142,15 @@ def tag_noise(config: TagFilterConfig) -> tuple[FloatArray, FloatArray, FloatArr
     )
 
 
-_UNTOLD_RAD2 = 1e6
-"""Variance of a heading that a pose does not tell."""
+_UNTOLD = 1e6
+"""Variance, m^2 or rad^2, of what a pose does not tell or is not asked."""
 
 
 class TagFilter:
     """Follows a robot by the poses that cameras tell of it, and by depth, compass and gyro.
 
-    It knows nothing of how the robot swims: without poses it goes on as it went.
+    It knows nothing of how the robot swims: without poses it goes on as it went. Its depth is the
+    pressure sensor's alone: cameras use what a robot says of its depth to find it.
 
     Args:
         config: Noise of sensors and motion; that of a pose comes with the pose.
@@ -212,38 +213,39 @@ class TagFilter:
 
     def take_pose(
         self,
-        position_ned: Sequence[float],
+        position_ne_m: tuple[float, float],
         heading_rad: float | None,
-        variances: Sequence[float],
+        variances: tuple[float, float],
         *,
         least_m2: float,
-    ) -> tuple[float, float]:
+    ) -> tuple[float, float] | None:
         """Take in a pose, after ``step``.
 
         Args:
-            position_ned: Where the robot is now by the pose, m.
+            position_ne_m: Where the robot is now by the pose, north and east.
             heading_rad: Its heading now; None where the pose tells none.
-            variances: Of north and east each, m^2, of the depth, m^2, and of the heading, rad^2.
+            variances: Of north and east each, m^2, and of the heading, rad^2.
             least_m2: Neither north nor east becomes surer by it than this.
 
         Returns:
-            How far it moved the position north and east, m; 0 where it was refused.
+            How far it moved the position north and east, m; None where it was refused.
         """
-        horizontal, down, turned = variances
+        horizontal, turned = variances
         if heading_rad is None:
-            heading_rad, turned = self.heading_rad, _UNTOLD_RAD2
+            heading_rad, turned = self.heading_rad, _UNTOLD
         before = self._axes[:2, 0].copy()
         least = np.minimum(self._axes[:2, 2], least_m2)
         is_believed = measure_tag(
             self._axes,
-            np.array([*position_ned, heading_rad]),
-            np.array([horizontal, horizontal, down, turned]),
+            np.array([*position_ne_m, self._axes[2, 0], heading_rad]),
+            np.array([horizontal, horizontal, _UNTOLD, turned]),
             self._outlier.limit,
             self._outlier.patience,
             self._refused,
         )
-        if is_believed:
-            self._axes[:2, 2] = np.maximum(self._axes[:2, 2], least)
+        if not is_believed:
+            return None
+        self._axes[:2, 2] = np.maximum(self._axes[:2, 2], least)
         north, east = (self._axes[:2, 0] - before).tolist()
         return north, east
 

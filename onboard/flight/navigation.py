@@ -17,7 +17,7 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.depth_zero import ABOVE_MAX_M
 from onboard.flight.hardware import Readings, SetPoints
-from onboard.flight.outside_fix import LateFix
+from onboard.flight.outside_fix import FixSource, LateFix
 from onboard.flight.water_track import (
     TRACKS,
     CurrentBelief,
@@ -49,11 +49,16 @@ class Estimate:
     course_heading_rad: float
     """Heading averaged over one beat of the tail, whose wiggle no controller should fight."""
     has_fix: bool
-    """Whether a fix arrived within the last two seconds."""
-    is_by_cameras: bool
-    """Whether the newest of those fixes was sent by somebody outside who sees the robot."""
+    """Whether a fix counted within the last two seconds."""
+    fixed_by: FixSource | None
+    """Who told the newest of those that counted; None without one."""
     current: CurrentBelief
     """What is believed of the current."""
+
+    @property
+    def is_by_cameras(self) -> bool:
+        """Whether somebody who sees the robot, or its own camera, told that fix."""
+        return self.fixed_by in (FixSource.CAMERAS, FixSource.OWN_CAMERA)
 
     @property
     def depth_m(self) -> float:
@@ -171,7 +176,7 @@ class Navigator:
         self._drift_m2_s = config.drift_m_sqrt_s**2
         water = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig()).current
         self._eddy_s = water.eddy_correlation_s
-        self._is_by_cameras = False
+        self._fixed_by = FixSource.SENSOR
         self._since_fix_s = 0.0 if fix else math.inf
         self._good = readings
         self._newest_fix: tuple[float, float] | None = None
@@ -200,7 +205,7 @@ class Navigator:
         now = self._track.step(dt_s, command, time_s, self._attitude, readings)
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
         if readings.fix_ne_m:
-            self._is_by_cameras = False
+            self._fixed_by = FixSource.SENSOR
         now = self._taken_late(now, readings, late)
         north, east, down = now.position_ned
         self._place = (north, east)
@@ -216,7 +221,7 @@ class Navigator:
             readings=readings,
             course_heading_rad=self._mean_heading(float(attitude[2])),
             has_fix=(has_fix := self._since_fix_s < FIX_HOLDS_S),
-            is_by_cameras=has_fix and self._is_by_cameras,
+            fixed_by=self._fixed_by if has_fix else None,
             current=now.current,
         )
 
@@ -236,20 +241,24 @@ class Navigator:
             return now
         fix, age_s, went = late.fix, late.age_s, self._way.since(late.age_s)
         lost_m2 = self._drift_m2_s * age_s * min(1.0, age_s / self._eddy_s)
-        there = np.add(fix.ned_m, went[:3]).tolist()
+        north, east = np.add(fix.ned_m[:2], went[:2]).tolist()
         heading = None if fix.heading_rad is None else fix.heading_rad + float(went[3])
         now = self._track.take_pose(
             PoseNow(
-                position_ned=(there[0], there[1], there[2]),
+                position_ne_m=(north, east),
                 heading_rad=heading,
                 variance_m2=fix.variance_m2 + lost_m2,
-                depth_variance_m2=fix.depth_variance_m2,
                 heading_variance_rad2=fix.heading_std_rad**2,
             )
         )
         self._way.correct(now.fix_shift_ne_m)
-        self._since_fix_s, self._is_by_cameras = 0.0, True
+        if now.took_pose:
+            self._since_fix_s, self._fixed_by = 0.0, late.by
         return now
+
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Believe fixes of the robot's own sensor where it is not deeper than this."""
+        self._track.believe_fixes_to(depth_m)
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
         """Take the current, north and east, that the plan counts on; None without one."""

@@ -67,18 +67,19 @@ class WaterState:
     """How far the newest call's fix moved the position, which is no way that the robot made."""
     heading_rad: float | None = None
     """None where the compass alone tells it."""
+    took_pose: bool = False
+    """Whether it comes of ``take_pose``, and the filter believed that pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseNow:
     """Where a robot is now by a late fix: what was measured, moved by the way made since."""
 
-    position_ned: tuple[float, float, float]
+    position_ne_m: tuple[float, float]
     heading_rad: float | None
     variance_m2: float
     """Of north and east each, what was lost on the way included; what of it stays from one fix to
     the next does not average out, so nobody becomes surer of the place by it."""
-    depth_variance_m2: float
     heading_variance_rad2: float
 
 
@@ -98,6 +99,10 @@ class WaterTrack(Protocol):
 
     def take_pose(self, pose: PoseNow) -> WaterState:
         """Take in a late fix, after ``step``."""
+        ...
+
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Believe fixes of the robot's own sensor where it is not deeper than this."""
         ...
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
@@ -163,11 +168,14 @@ class ObserverTrack:
 
     def take_pose(self, pose: PoseNow) -> WaterState:
         """Take in a late fix, after ``step``."""
-        north, east, _ = pose.position_ned
-        self._filter.take_late_fix((north, east), pose.variance_m2)
-        return self._state()
+        took_pose = self._filter.take_late_fix(pose.position_ne_m, pose.variance_m2)
+        return self._state(took_pose=took_pose)
 
-    def _state(self) -> WaterState:
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Believe fixes of the robot's own sensor where it is not deeper than this."""
+        self._filter.surface_depth_m = depth_m
+
+    def _state(self, *, took_pose: bool = False) -> WaterState:
         position, observer = self._filter, self._observer
         return WaterState(
             position.position_ned,
@@ -182,6 +190,7 @@ class ObserverTrack:
                 position.refused_fixes,
             ),
             position.fix_shift_ne_m,
+            took_pose=took_pose,
         )
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
@@ -277,11 +286,14 @@ class ModelTrack:
 
     def take_pose(self, pose: PoseNow) -> WaterState:
         """Take in a late fix, after ``step``."""
-        north, east, _ = pose.position_ned
-        self._filter.take_late_fix((north, east), pose.variance_m2)
-        return self._state()
+        took_pose = self._filter.take_late_fix(pose.position_ne_m, pose.variance_m2)
+        return self._state(took_pose=took_pose)
 
-    def _state(self) -> WaterState:
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Believe fixes of the robot's own sensor where it is not deeper than this."""
+        self._filter.surface_depth_m = depth_m
+
+    def _state(self, *, took_pose: bool = False) -> WaterState:
         belief = self._filter
         return WaterState(
             belief.position_ned,
@@ -296,6 +308,7 @@ class ModelTrack:
                 belief.refused[0],
             ),
             belief.fix_shift_ne_m,
+            took_pose=took_pose,
         )
 
 
@@ -349,17 +362,21 @@ class TagTrack:
         if fix is None or readings.depth_m > self._surface_depth_m:
             return self._state((0.0, 0.0))
         variance = self._fix_variance_m2
-        place = (*fix, self._filter.position_ned[2])
-        shift = self._filter.take_pose(place, None, (variance, variance, 0.0), least_m2=0.0)
-        return self._state(shift)
+        shift = self._filter.take_pose(fix, None, (variance, 0.0), least_m2=0.0)
+        return self._state(shift or (0.0, 0.0))
 
     def take_pose(self, pose: PoseNow) -> WaterState:
         """Take in a late fix, after ``step``."""
-        variances = (pose.variance_m2, pose.depth_variance_m2, pose.heading_variance_rad2)
-        told = pose.position_ned, pose.heading_rad
-        return self._state(self._filter.take_pose(*told, variances, least_m2=pose.variance_m2))
+        variances = (pose.variance_m2, pose.heading_variance_rad2)
+        told = pose.position_ne_m, pose.heading_rad
+        shift = self._filter.take_pose(*told, variances, least_m2=pose.variance_m2)
+        return self._state(shift or (0.0, 0.0), took_pose=shift is not None)
 
-    def _state(self, shift_ne_m: tuple[float, float]) -> WaterState:
+    def believe_fixes_to(self, depth_m: float) -> None:
+        """Believe fixes of the robot's own sensor where it is not deeper than this."""
+        self._surface_depth_m = depth_m
+
+    def _state(self, shift_ne_m: tuple[float, float], *, took_pose: bool = False) -> WaterState:
         position, observer = self._filter, self._observer
         return WaterState(
             position.position_ned,
@@ -369,6 +386,7 @@ class TagTrack:
             CurrentBelief((0.0, 0.0), self._steady_current_m_s, fixes_refused=position.refused),
             shift_ne_m,
             position.heading_rad,
+            took_pose,
         )
 
     def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:

@@ -19,6 +19,7 @@ from onboard.link.plan_desk import PlanDesk, PlanOnBoard
 from onboard.link.plan_store import PlanStore, WaitingPlan
 from onboard.link.sample_sender import SampleSender
 from onboard.link.service_desk import ServiceDesk
+from onboard.link.status_text import status_texts
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.actuator_check import actuator_fault
 from robot_link.channel_table import ChannelTable
@@ -291,6 +292,12 @@ class RobotLink:
         if not receiver_fault(report):
             self._receivers.put(partial(detection.receiver_message, report))
 
+    def say(self, text: str) -> None:
+        """Say a sentence to the station, where one is known; what has no room is dropped."""
+        if self._station is not None:
+            for message in status_texts(text):
+                self._answer(None, message)
+
     def report_health(self, values: Mapping[str, float], measured_at: datetime) -> None:
         """Send readings of the robot's own condition once; a newer report replaces a waiting one.
 
@@ -365,10 +372,11 @@ class RobotLink:
                 self.frames_bad += 1
             elif not is_far_end and not (is_far_end := received.accept(_MAY_MOVE)):
                 return
+            elif isinstance(message, _CameraFix) and message.target_system != self._system:
+                # a place is of one robot: here 0 does not mean everybody
+                self._program.refuse_fix(f"the fix is for system {message.target_system}")
             elif getattr(message, "target_system", _ANYONE) in (_ANYONE, self._system):
                 self._obey(message, received.address)
-            elif isinstance(message, _CameraFix):
-                self._program.refuse_fix(f"the fix is for system {message.target_system}")
 
     def _is_welcome(self, message: WireMessage, address: Address) -> bool:
         """Tell whether a message is to be believed: signed where it must be, of a known master."""

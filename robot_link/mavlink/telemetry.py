@@ -36,6 +36,8 @@ STATE_FRAME_BYTES = 12 + grace.MAVLink_grace_state_message.unpacker.size
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _REASON_BYTES = 100
+_BY_OWN_CAMERA = 4
+"""GRACE_STATE_FLAGS_BY_OWN_CAMERA."""
 _WHOLE = {"int16_t": (-(2**15), 2**15 - 1), "uint16_t": (0, 2**16 - 1)}
 
 
@@ -77,7 +79,8 @@ def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
         time_utc_us=microseconds(state.measured_at),
         mode=int(state.mode),
         flags=grace.GRACE_STATE_FLAGS_HAS_FIX * state.has_fix
-        | grace.GRACE_STATE_FLAGS_BY_CAMERAS * state.is_by_cameras,
+        | grace.GRACE_STATE_FLAGS_BY_CAMERAS * state.is_by_cameras
+        | _BY_OWN_CAMERA * state.is_by_own_camera,
         **fields,
     )
 
@@ -98,6 +101,7 @@ def state_report(
         mode=RobotMode(message.mode),
         has_fix=bool(message.flags & grace.GRACE_STATE_FLAGS_HAS_FIX),
         is_by_cameras=bool(message.flags & grace.GRACE_STATE_FLAGS_BY_CAMERAS),
+        is_by_own_camera=bool(message.flags & _BY_OWN_CAMERA),
         **_read_state(message),
     )
 

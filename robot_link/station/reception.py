@@ -29,6 +29,7 @@ from robot_link.report import (
     Reading,
     ReceiverReport,
     TargetReport,
+    VehicleWord,
 )
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.roster import Member, Roster
@@ -132,6 +133,9 @@ class Reception:
             case grace.MAVLink_mission_request_int_message():
                 if sender.upload is not None:
                     sender.upload.hear(message)
+            case grace.MAVLink_statustext_message() if sender.vehicle is None:
+                for severity, text, when in sender.texts.hear(message, at):
+                    self._on_event(VehicleWord(sender.robot, severity, text, when))
             case _ if sender.vehicle is not None:
                 for event in sender.vehicle.hear(message, at):
                     self._on_event(event)

@@ -7,6 +7,7 @@ from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.standard_vehicle import StandardVehicle
+from robot_link.mavlink.status_text import StatusTexts
 from robot_link.messages import RobotId, SystemId
 from robot_link.service.duplicate import TOLD_S, DuplicateWatch
 from robot_link.station.command_lane import CommandLane
@@ -41,6 +42,8 @@ class Member:
         self.signing = signing
         self.vehicle = vehicle
         """Puts together what a vehicle of another maker says."""
+        self.texts = StatusTexts()
+        """Puts together the sentences of a robot of ours."""
         self.services = RobotServices(peer, pace, is_standard=vehicle is not None)
         self.upload: Upload | None = None
         """The upload under way."""

@@ -198,7 +198,7 @@ def _trouble(arguments: Namespace) -> tuple[str, ...]:
     """Return the simulator's options that make a robot's life harder, or cameras see it."""
     switches = {"far": arguments.far, "ctd": arguments.ctd, "own-cameras": arguments.own_cameras}
     options = [f"--{name}" for name, is_on in switches.items() if is_on]
-    numbers = ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers", "surface_depth")
+    numbers = ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers", "fix_depth")
     for name in numbers:
         value = getattr(arguments, name)
         if value is not None:

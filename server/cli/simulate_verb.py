@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from simulator.fault_desk import FaultNews
 
 _PART_MAX = 0.9
-_DEPTH_MAX_M = 2.0
+_DEPTH_MIN_M, _DEPTH_MAX_M = 0.01, 2.0
 
 _log = logging.getLogger(__name__)
 
@@ -87,11 +87,11 @@ def add_world_options(parser: ArgumentParser) -> None:
         help="robots of the tank find themselves by cameras of their own and tags on its walls",
     )
     parser.add_argument(
-        "--surface-depth",
+        "--fix-depth",
         type=depth,
-        metavar="METRES",
-        help="to this depth robots below cameras take fixes, at most 2 (default: as delivered, the"
-        " surface alone)",
+        metavar="M",
+        help="deeper than this, robots that cameras see take no fix, m, up to 2; the first value of"
+        " their parameter FIX_DEPTH_M (default: 0.05, the surface)",
     )
     parser.add_argument(
         "--current",
@@ -140,14 +140,15 @@ def depth(text: str) -> float:
     """Read to which depth robots take fixes.
 
     Raises:
-        ArgumentTypeError: If it is not more than 0 and at most 2 m.
+        ArgumentTypeError: If it does not lie between 0.01 and 2 m.
     """
     try:
         value = float(text)
     except ValueError:
         value = 0.0
-    if not 0.0 < value <= _DEPTH_MAX_M:
-        raise ArgumentTypeError(f"{text} does not lie between 0 and {_DEPTH_MAX_M:g} m")
+    if not _DEPTH_MIN_M <= value <= _DEPTH_MAX_M:
+        limits = f"{_DEPTH_MIN_M:g} and {_DEPTH_MAX_M:g} m"
+        raise ArgumentTypeError(f"{text} does not lie between {limits}")
     return value
 
 
@@ -255,7 +256,7 @@ def run(arguments: Namespace) -> int:
         "desk_port": arguments.demo_port,
         "cameras": arguments.cameras,
         "camera_port": arguments.camera_port,
-        "surface_depth_m": arguments.surface_depth,
+        "surface_depth_m": arguments.fix_depth,
         "robots": robots or None,
     }
     try:

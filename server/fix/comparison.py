@@ -32,9 +32,15 @@ class Apart:
         return self.distance_m > max(STDS * self.std_m, LEAST_M)
 
 
-def compared(state: StateReport, fix: CameraFix) -> Apart | None:
-    """Return how far a robot is from a fix, None where they are not of one moment."""
-    after = fix.measured_at - state.measured_at
+def compared(state: StateReport, said_at: datetime, fix: CameraFix) -> Apart | None:
+    """Return how far a robot is from a fix, None where they are not of one moment.
+
+    Args:
+        state: What the robot said.
+        said_at: Of which moment it said that, by the station's clock.
+        fix: Where cameras saw it.
+    """
+    after = fix.measured_at - said_at
     if fix.quality == "refused" or abs(after) > NEAR:
         return None
     after_s = after.total_seconds()
@@ -46,7 +52,7 @@ def compared(state: StateReport, fix: CameraFix) -> Apart | None:
     std_m = math.hypot(state.position_std_m, _worst_std_m(fix))
     if not math.isfinite(distance_m + std_m):
         return None
-    return Apart(max(fix.measured_at, state.measured_at), distance_m, std_m)
+    return Apart(max(fix.measured_at, said_at), distance_m, std_m)
 
 
 def _worst_std_m(fix: CameraFix) -> float:

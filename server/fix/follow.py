@@ -104,7 +104,8 @@ class FixFollowing:
         self._fleet.note_fix_sent(fix.robot, SentFix(len(fix.cameras), fix.measured_at))
 
     def _compare(self, state: StateReport, fix: CameraFix) -> None:
-        apart = compared(state, fix)
+        said_at = self._fleet.status(fix.robot).at_station(state.measured_at)
+        apart = compared(state, said_at, fix)
         if apart is None:
             return
         if self._paces.setdefault(fix.robot, Pace(_ERROR_PERIOD)).lets(apart.at):

@@ -295,7 +295,7 @@ def _said(statuses: Mapping[str, RobotStatus], at: datetime) -> dict[str, Words]
         state = status.state
         if state is None:
             continue
-        age_s = (at - state.measured_at).total_seconds()
+        age_s = (at - status.at_station(state.measured_at)).total_seconds()
         if 0.0 <= age_s <= SAID_S:
             said[tags] = age_s, state.roll_rad, state.pitch_rad, state.position_ned[2]
     return said

@@ -259,7 +259,7 @@ class Fleet:
 
     def note_fix_sent(self, robot: str, fix: SentFix) -> None:
         """Note that a radio took a fix by cameras for a robot."""
-        self._statuses[robot].fix_sent = fix
+        self._statuses[robot].fixes_sent.append(fix)
         self.touch(robot)
 
     def take_sample(self, sample: Sample) -> None:

@@ -39,6 +39,7 @@ from server.fleet.view import (
 )
 from server.fleet.words import (
     IN_WORKSHOP,
+    OWN_CAMERA_FIX,
     activity,
     camera_fix_text,
     clock_time,
@@ -48,9 +49,6 @@ from server.fleet.words import (
     waiting_plan_text,
 )
 from server.vehicle.vehicles import Vehicles
-
-_FIX_TOLD_S = 5.0
-"""A fix that was sent longer ago is not the one by which a robot says that it is fixed."""
 
 FIELD_LIMIT_S = 120.0
 """Age from which a measurement of a field must look old, at the clock's normal speed."""
@@ -296,14 +294,15 @@ class FleetViews:
         )
 
     def _fix_by_cameras(self, status: RobotStatus, state: StateReport) -> tuple[str, float | None]:
-        """Return who fixed a position, where cameras did, and how old their newest fix is."""
+        """Return who fixed a position, where cameras did, and how old that fix of theirs is."""
         if not (state.has_fix and state.is_by_cameras):
             return "", None
-        sent = status.fix_sent
-        age_s = math.inf if sent is None else self._fleet.age_s(sent.measured_at)
-        if sent is None or age_s > _FIX_TOLD_S:
+        if state.is_by_own_camera:
+            return OWN_CAMERA_FIX, None
+        sent = status.fix_behind(state)
+        if sent is None:
             return camera_fix_text(None), None
-        return camera_fix_text(sent.cameras), age_s
+        return camera_fix_text(sent.cameras), self._fleet.age_s(sent.measured_at)
 
     def _tracking(self, status: RobotStatus) -> TargetReportView | None:
         report = self._fleet.target_shown(status)

@@ -1,6 +1,7 @@
 """What the station knows of one robot right now."""
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -61,10 +62,11 @@ _BEST_LINK_FIRST = (
 
 @dataclass(frozen=True, slots=True)
 class SentFix:
-    """The newest fix by cameras that was sent to a robot."""
+    """A fix by cameras that was sent to a robot."""
 
     cameras: int
     measured_at: datetime
+    """By the station's clock."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,6 +136,10 @@ class DeploymentSuggestion:
     """One sentence that asks."""
 
 
+FIX_HOLDS = timedelta(seconds=2)
+"""So long after a fix a robot says that it has one (``onboard.flight.navigation``)."""
+_FIXES_KEPT = 32
+"""Fixes that were sent: more than a state is old when it comes, at five a second."""
 _LONG_AGO = datetime.min.replace(tzinfo=UTC)
 
 
@@ -165,7 +171,8 @@ class RobotStatus:
     """Ports that the operator has disabled; see ``server.fleet.disabled_links``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
-    fix_sent: SentFix | None = None
+    fixes_sent: deque[SentFix] = field(default_factory=lambda: deque[SentFix](maxlen=_FIXES_KEPT))
+    """The newest fixes by cameras that were sent to it, in the order of sending."""
     surface_fault: SurfaceFault | None = None
     """Why the newest order to surface was not obeyed; ``None`` once the robot is up."""
     remembered: LinkReport | None = None
@@ -195,6 +202,27 @@ class RobotStatus:
     """Values that were not believed since the station started."""
     impossible: dict[str, int] = field(default_factory=dict[str, int])
     """How many values of each channel were outside of what it can have, since then."""
+
+    def at_station(self, told_at: datetime) -> datetime:
+        """Return what the station's clock showed at a time that the robot told by its own clock.
+
+        A robot whose clock was not compared yet is believed to have the station's.
+        """
+        radio = self.radio
+        offset_s = None if radio is None else radio.clock_offset_s
+        return told_at - timedelta(seconds=offset_s or 0.0)
+
+    def fix_behind(self, state: StateReport) -> SentFix | None:
+        """Return the fix of the cameras by which a robot can have said that it is fixed.
+
+        It is the newest that was sent, of those not later than the state and at most ``FIX_HOLDS``
+        older; None where nobody knows.
+        """
+        said_at = self.at_station(state.measured_at)
+        known = [
+            fix for fix in self.fixes_sent if said_at - FIX_HOLDS <= fix.measured_at <= said_at
+        ]
+        return max(known, key=lambda fix: fix.measured_at, default=None)
 
     @property
     def is_retired(self) -> bool:

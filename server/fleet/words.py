@@ -56,6 +56,9 @@ def activity(
     return f"Last heard: {text[0].lower()}{text[1:]}" if is_old else text
 
 
+OWN_CAMERA_FIX = "fixed by its own camera"
+
+
 def camera_fix_text(cameras: int | None) -> str:
     """Say who fixed a position, such as "fixed by 3 cameras".
 

@@ -14,6 +14,7 @@ from autonomy.planner.plan import Leg, PrimitiveKind
 from server.base.foundation import Foundation
 from server.current.currents import Currents
 from server.current.words import tellers
+from server.plan.settings import with_told_fix_depth
 
 _LONGER = 1.5
 """A table goes on for so many times the expected duration of its round."""
@@ -23,11 +24,11 @@ _TRACK_POINTS = 7
 
 @dataclass(frozen=True, slots=True)
 class PlannedCurrent:
-    """The current that a plan is made in, and what to tell of it."""
+    """The current that a plan is made in and how deep fixes count, and what to tell of both."""
 
     config: PlannerConfig
     text: str
-    """Where it comes from; "" where no map was asked for."""
+    """Where they come from, where that is not the settings alone; else ""."""
 
 
 class PlanFlows:
@@ -36,9 +37,20 @@ class PlanFlows:
     def __init__(self, foundation: Foundation) -> None:
         self._clock = foundation.clock
         self._currents = foundation.services.get(Currents)
+        self._store = foundation.store
 
     async def planned(self, robot: str, config: PlannerConfig, ahead_s: float) -> PlannedCurrent:
-        """Return settings with the current that holds for a plan which begins in so long a time."""
+        """Return settings with the current that holds for a plan which begins in so long a time.
+
+        They count on fixes as deep as the robot said that it takes them.
+        """
+        config, of_fixes = await with_told_fix_depth(self._store, robot, config)
+        planned = await self._in_current(robot, config, ahead_s)
+        return PlannedCurrent(planned.config, " ".join(filter(None, (planned.text, of_fixes))))
+
+    async def _in_current(
+        self, robot: str, config: PlannerConfig, ahead_s: float
+    ) -> PlannedCurrent:
         current = config.current
         if current.source != "map":
             return PlannedCurrent(_with_flow(config, None), "")

@@ -10,6 +10,8 @@ from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
+from db.query.fleet.onboard import list_parameters
+from db.store import Store
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.fleet.capability import refuse_unless_able
@@ -18,8 +20,33 @@ from server.fleet.dependency import refuse_recording
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
 
+FIX_DEPTH = "FIX_DEPTH_M"
+"""The robot's parameter: deeper than this it takes no fix."""
 _DECIMALS = 4
 """Of what a robot said of the current: it is not known better, and two plans of a moment agree."""
+
+
+async def with_told_fix_depth(
+    store: Store, robot: str, config: PlannerConfig
+) -> tuple[PlannerConfig, str]:
+    """Return settings that count on fixes as deep as the robot said that it takes them.
+
+    Beside them a sentence where that is another depth than the settings say, "" where it is not, or
+    where the parameter was never read.
+    """
+    parameters = await store.query(lambda session: list_parameters(session, robot))
+    told_m = next(
+        (round(one.value, _DECIMALS) for one in parameters if one.name == FIX_DEPTH), None
+    )
+    position = config.position_filter
+    if told_m is None or told_m == position.surface_depth_m:
+        return config, ""
+    known = type(position).model_validate(position.model_dump() | {"surface_depth_m": told_m})
+    text = (
+        f"Fixes count to a depth of {told_m:g} m, as {robot} said by {FIX_DEPTH};"
+        f" the settings say {position.surface_depth_m:g} m."
+    )
+    return config.model_copy(update={"position_filter": known}), text
 
 
 class PlanSettings:

@@ -28,7 +28,7 @@ from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.fleet.words import TEACHING
 from server.plan.battery import PlanBattery, battery_violations
 from server.plan.ledger import PlanLedger
-from server.plan.settings import PlanSettings
+from server.plan.settings import PlanSettings, with_told_fix_depth
 from server.plan.state import PlanEvidence, apply
 from server.plan.target_account import target_account
 from server.plan.target_check import target_path, target_violations, target_warnings
@@ -73,6 +73,7 @@ class TargetPlanning:
         settings = await configure_target(book, robot, patch, base, by=by)
         config = settings.order.config()  # as both ends compute with it
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
+        planner, of_fixes = await with_told_fix_depth(self._foundation.store, robot, planner)
         trim = await book.current("trim", robot)
         try:
             mission = _mission(settings.order, planner, trim.value_as(TrimConfig), position)
@@ -82,7 +83,7 @@ class TargetPlanning:
             **await self._judgement(robot, config, planner, mission, self._trim_flaws(robot, trim)),
             "config_id": settings.config_id,
             "inherited": [asdict(one) for one in settings.inherited],
-            "message": _message(config),
+            "message": " ".join(filter(None, (_message(config), of_fixes))),
             "trim_id": trim.id,
             "trim_at": None if trim.changed_at is None else trim.changed_at.isoformat(),
             "points": [],

@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def demo(folder):
     """A demo whose cameras are calibrated; fixes count in all of the tank's water."""
-    with Demo(folder, "--cameras", "--surface-depth", "1.2", *ROBOTS) as demo:
+    with Demo(folder, "--cameras", "--fix-depth", "1.2", *ROBOTS) as demo:
         demo.sign_in()
         calibrate(demo)
         yield demo

@@ -27,7 +27,8 @@ from robot_link.mission import Mission
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.robot_program import CommandOutcome
 from robot_link.service.parameter_table import ParameterRefusal
-from simulator.fleet import GRACE_1
+from simulator.fleet import GRACE_1, MINI_1
+from tests.onboard.camera_fixes import fix_at, seen
 from tests.simulator.flight import EPOCH, TANK_PLANNER, Life, horizontal, mission, vee
 
 OWN = BacksteppingConfig()
@@ -45,6 +46,8 @@ def parameters_of(life: Life, *, talk: TalkSettings | None = None, kept=None, sa
         FLIGHT_PROFILES[life.robot.definition.vehicle.key],
         life.executive,
         talk,
+        fix_depth_m=life.robot.program.fixes.surface_depth_m,
+        believe_fixes_to=life.robot.program.believe_fixes_to,
         kept=kept or {},
         save=(lambda _values: None) if saved is None else saved.append,
     )
@@ -94,6 +97,26 @@ def test_untouched_parameters_leave_a_life_as_it_was():
     plain, declared = Life(seed=5), Life(seed=5)
     parameters_of(declared)
     assert np.array_equal(plain.fly(plan), declared.fly(plan))
+
+
+def test_depth_to_which_fixes_count_is_a_parameter_that_is_remembered():
+    life, saved = Life(seen(None)), []
+    program = life.robot.program
+    table = parameters_of(life, saved=saved).table
+    built = MINI_1.estimator.surface_depth_m
+    assert table.read("FIX_DEPTH_M").value == pytest.approx(built)
+    assert program.fixes.surface_depth_m == built
+    table.set("FIX_DEPTH_M", 1.2)
+    again = Life(seen(None))
+    parameters_of(again, kept=saved[-1])
+    place = (*again.robot.body.plant.position_ned[:2], 0.0)
+    for one in (program, again.robot.program):
+        one._readings = replace(one._readings, depth_m=0.9)
+        one.hear_fix(fix_at(one.now, place))
+        assert one.fixes.are_waiting
+        assert one._navigator._track._filter.surface_depth_m == pytest.approx(1.2)
+    with pytest.raises(ParameterRefusal, match=r"between 0\.01 and 2"):
+        table.set("FIX_DEPTH_M", 3.0)
 
 
 def test_parameters_of_manners_and_satellite_reach_those_that_use_them():

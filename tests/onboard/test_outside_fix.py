@@ -1,7 +1,7 @@
 """A robot that cameras see: which fixes it takes, how late they may be, and what it claims."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import timedelta
 
 import numpy as np
@@ -11,6 +11,9 @@ from autonomy.estimation.config import EstimatorConfig
 from autonomy.site import TANK
 from onboard.flight.navigation import OwnWay
 from onboard.flight.outside_fix import OutsideFixes
+from robot_link.clock import SystemClock
+from robot_link.transport.opening import open_transport
+from simulator.aboard import computer_of
 from simulator.fleet import MINI_1, RobotDefinition
 from tests.onboard.camera_fixes import VARIANCE_M2, Road, SeenLife, fix_at, seen
 from tests.simulator.flight import EPOCH, Life, mission, two_dives
@@ -71,6 +74,64 @@ def test_fix_of_a_robot_deeper_than_its_surface_depth_does_not_count():
     desk.hear(fix_at(NOW, HERE), NOW, DEPTH_M)
     assert desk.take(NOW) is None
     assert "0.30 m deep" in desk.reason
+
+
+def test_a_clock_that_is_set_back_costs_no_fix():
+    desk = fixes()
+    desk.hear(fix_at(NOW, HERE), NOW, DEPTH_M)
+    assert desk.take(NOW) is not None
+    before = NOW - timedelta(seconds=60)
+    desk.hear(fix_at(before, HERE), before, DEPTH_M)
+    assert desk.take(before) is not None
+    assert desk.refused == 0
+
+
+def test_why_no_fix_is_taken_is_told_once_until_one_is_and_at_most_every_10_s():
+    desk, told = fixes(0.05), []
+    for step in range(600):
+        now, time_s = NOW + timedelta(seconds=0.1 * step), 0.1 * step
+        depth_m = 0.0 if 20.0 <= time_s < 22.0 else DEPTH_M + 0.01 * (step % 7)
+        desk.hear(fix_at(now, HERE), now, depth_m)
+        desk.hear(fix_at(now, HERE), now, 0.0)  # this one came twice, or was overtaken
+        desk.take(now)
+        if reason := desk.due_reason(time_s):
+            told.append((time_s, reason))
+    assert told == []  # the copies at no depth were taken all the time
+    for step in range(600, 1200):
+        now, time_s = NOW + timedelta(seconds=0.1 * step), 0.1 * step
+        is_up = 80.0 <= time_s < 82.0
+        desk.hear(fix_at(now, HERE), now, 0.0 if is_up else DEPTH_M + 0.01 * (step % 7))
+        desk.take(now)
+        if reason := desk.due_reason(time_s):
+            told.append((time_s, reason))
+    times = [time_s for time_s, _ in told]
+    assert times == pytest.approx([61.9, 83.9])
+    assert all("m deep; fixes count to 0.05 m" in reason for _, reason in told)
+
+
+def test_why_no_fix_is_taken_is_in_the_robots_log_and_said_to_the_station(tmp_path, monkeypatch):
+    life, said = Life(seen(0.05)), []
+    program = life.robot.program
+    radio = open_transport("udp://127.0.0.1:9")
+    computer = computer_of(
+        life.robot.definition,
+        program,
+        radio=radio,
+        clock=SystemClock(),
+        memory=tmp_path,
+        satellite=None,
+    )
+    monkeypatch.setattr(computer.link, "say", said.append)
+    deep = replace(program._readings, depth_m=0.3)
+    for _ in range(60):
+        program._readings = deep
+        program.hear_fix(fix_at(program.now, HERE))
+        computer.step()
+    computer.log.close()
+    why = "ixes are not taken: the robot is 0.30 m deep; fixes count to 0.05 m"
+    assert said == [f"F{why}"]
+    (events,) = (tmp_path / "log").glob("events-*")
+    assert events.read_text().count(f"f{why}") == 1
 
 
 def test_way_since_a_moment_leaves_out_what_fixes_corrected():
@@ -177,6 +238,54 @@ def test_fixes_that_jump_aside_are_refused_by_the_filter_and_agreeing_ones_belie
     life.live(20.0)  # the robot was wrong, for all that it can know
     assert errors_m(life.track)[-1] > 0.3
     del track
+
+
+def test_robot_says_that_cameras_fixed_it_only_where_its_filter_took_a_fix():
+    for method in ("model", "position", "tags"):
+        _, life = dive(method, 1)
+        assert life.estimate.is_by_cameras
+        life.road.loss = 1.0
+        life.live(3.0)
+        assert not life.estimate.has_fix
+        north, east, down = life.estimate.position_ned
+        program, taken = life.robot.program, life.robot.program.fixes.taken
+        heading = {"heading_rad": life.estimate.heading_rad}
+        program.hear_fix(fix_at(program.now, (north - 1.0, east, down), **heading))
+        life.live(0.1)
+        assert program.fixes.taken == taken + 1
+        assert life.estimate.current.fixes_refused
+        assert not life.estimate.has_fix
+        assert not life.estimate.is_by_cameras
+        program.hear_fix(fix_at(program.now, (north, east, down), **heading))
+        life.live(0.1)
+        assert life.estimate.is_by_cameras
+
+
+def test_robot_says_whether_its_own_camera_or_another_fixed_it():
+    life = Life(seen(0.05))
+    program = life.robot.program
+    place = (*life.robot.body.plant.position_ned[:2], 0.0)
+    for hear, is_own in ((program.hear_fix, False), (program.hear_own_fix, True)):
+        hear(fix_at(program.now, place))
+        life.live(0.1)
+        state = program.state_report()
+        assert (state.is_by_cameras, state.is_by_own_camera) == (True, is_own)
+
+
+def test_depth_by_tags_is_the_pressure_sensors_whatever_cameras_say_of_it():
+    road = Road(np.random.default_rng(7), bias_ned_m=(0.0, 0.0, 0.1))
+    life = SeenLife(by("tags", 1.2), 0, road)
+    life.live(20.0)
+    life.start(mission(*two_dives()))
+    off_m = []
+
+    def is_deep():
+        off_m.append(life.estimate.depth_m - life.estimate.readings.depth_m)
+        return len(off_m) > 600
+
+    assert life.live_until(is_deep, 100.0)
+    assert life.robot.program.fixes.taken > 250
+    assert abs(np.mean(off_m[100:])) < 0.005
 
 
 def test_fix_that_knows_little_moves_the_estimate_little():

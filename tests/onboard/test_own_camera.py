@@ -167,6 +167,19 @@ def test_tags_that_do_not_fit_together_give_no_fix_and_the_log_says_so_once(memo
     assert len(robot.notes) == 1
 
 
+def test_a_picture_that_is_too_old_is_refused_before_anything_is_sought_in_it(memory, monkeypatch):
+    def sought(*_arguments, **_options):
+        raise AssertionError("the flying loop does not wait for what nobody may take")
+
+    monkeypatch.setattr("onboard.own_camera_listener.find_self", sought)
+    robot = Robot()
+    listener = listener_of(memory, robot)
+    tags = [_said(tag) for tag in eye_of().truth.seen(BODY, 0.0, np.random.default_rng(1))]
+    listener.take({"count_s": 18.0, "tags": tags})
+    assert robot.fixes == []
+    assert robot.notes == ["own camera: no fix: the picture is 2.2 s old; it may be 1.5 s"]
+
+
 def test_strangers_and_empty_pictures_give_no_fix(memory):
     robot = Robot()
     listener = listener_of(memory, robot)

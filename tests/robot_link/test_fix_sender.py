@@ -10,9 +10,11 @@ import pytest
 
 from robot_link.clock import SystemClock, monotonic_s
 from robot_link.mavlink.codec import Codec
+from robot_link.mavlink.fix import fix_message
 from robot_link.mavlink.signing import MemorySigningMemory, Signing
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState, RawFrame, SystemId
+from robot_link.report import VehicleWord
 from robot_link.service.clock_sync import ClockOffset, ClockSource
 from robot_link.station.fix_sender import FixPace, FixSender
 from robot_link.transport.xbee import BYTES_PER_S
@@ -120,6 +122,25 @@ async def test_each_robot_is_told_its_own_place_and_counts_those_of_others(tmp_p
             await asyncio.sleep(0.2)
         await until(lambda: world.robots[GRACE].program.fixes)
         assert world.robots[MINI].program.fixes == []
+
+
+async def test_a_fix_for_everybody_is_for_nobody(tmp_path):
+    async with on_the_road(tmp_path) as (world, link, _):
+        program, peer = world.robots[MINI].program, link.services(MINI)._peer
+
+        await peer.say_once(fix_message(fresh(), SystemId(0), 0.0), lambda _: None)
+        await until(lambda: program.refused_fixes)
+        assert program.refused_fixes[0] == "the fix is for system 0"
+        assert program.fixes == []
+
+
+async def test_why_a_robot_takes_no_fix_is_heard_at_the_station(tmp_path):
+    why = "Fixes are not taken: the robot is 0.30 m deep; fixes count to 0.05 m"
+    async with on_the_road(tmp_path) as (world, _, heard):
+        world.robots[MINI].link.say(why)
+        await until(lambda: heard.of(VehicleWord))
+        words = heard.of(VehicleWord)
+        assert [(word.robot, word.severity, word.text) for word in words] == [(MINI, 4, why)]
 
 
 async def test_fix_is_not_sent_before_the_clocks_were_compared_or_while_they_are_unsure(tmp_path):

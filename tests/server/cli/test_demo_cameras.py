@@ -67,6 +67,18 @@ def test_cameras_are_told_with_the_port_at_which_the_simulator_serves_them(tmp_p
         assert "cameras:" not in links["grace-1"]
 
 
+def test_a_demo_tells_its_robots_to_which_depth_fixes_count(tmp_path, supervised, monkeypatch):
+    demo(tmp_path, "--cameras", "--fix-depth", "1.2")
+    command = supervised[0]
+    assert command[command.index("--fix-depth") + 1] == "1.2"
+    lived = []
+    monkeypatch.setattr("simulator.process.run", lambda settings, _tell: lived.append(settings))
+    options = command[command.index("simulate") :]
+    assert main(options) == 0
+    mini = lived[0].definition(lived[0].robots[0])
+    assert mini.estimator.surface_depth_m == 1.2
+
+
 def test_a_second_demo_in_a_folder_leaves_tags_as_they_are_and_adds_those_of_new_robots(
     tmp_path, supervised
 ):
@@ -81,15 +93,9 @@ def test_a_second_demo_in_a_folder_leaves_tags_as_they_are_and_adds_those_of_new
     assert supervised
 
 
-def test_a_demo_tells_its_robots_to_which_depth_fixes_count(tmp_path, supervised):
-    demo(tmp_path, "--cameras", "--surface-depth", "1.2")
-    command = supervised[0]
-    assert command[command.index("--surface-depth") + 1] == "1.2"
-
-
 @pytest.mark.parametrize("depth", ["0", "2.5", "nan", "deep"])
 def test_a_depth_that_no_robot_can_have_is_refused(tmp_path, supervised, capsys, depth):
     with pytest.raises(SystemExit):
-        demo(tmp_path, "--cameras", "--surface-depth", depth)
-    assert f"{depth} does not lie between 0 and 2 m" in capsys.readouterr().err
+        demo(tmp_path, "--cameras", "--fix-depth", depth)
+    assert f"{depth} does not lie between 0.01 and 2 m" in capsys.readouterr().err
     assert not supervised

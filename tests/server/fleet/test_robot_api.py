@@ -37,6 +37,46 @@ async def test_fleet_says_in_words_what_each_robot_does(client, world, still):
     assert grace["site"]["name"] == "Practice lake"
 
 
+async def fix_told(client, world, at, **changes):
+    """Let a robot say that cameras fixed it; return what the page says of that."""
+    world.tell(state_report(MINI, at=at, has_fix=True, is_by_cameras=True, **changes))
+    position = (await client.get("/api/robots/mini-1/state")).json()["position"]
+    return position["fix_text"], position["fix_age_s"]
+
+
+async def test_how_many_cameras_fixed_a_robot_is_told_of_a_fix_that_its_word_can_rest_on(
+    client, station, world
+):
+    now = datetime.now(UTC)
+    for cameras, ahead_s in ((2, -0.4), (3, 0.1)):
+        fix = SentFix(cameras, now + timedelta(seconds=ahead_s))
+        station.fleet.note_fix_sent(MINI, fix)
+    text, age_s = await fix_told(client, world, now)
+    assert text == "fixed by 2 cameras"
+    assert 0.4 <= age_s < 1.5
+    later = now + timedelta(seconds=2.2)
+    assert await fix_told(client, world, later) == ("fixed by cameras", None)
+
+
+async def test_the_robots_clock_is_not_taken_for_the_stations(client, station, world):
+    now = datetime.now(UTC)
+    link = LinkReport(MINI, "xbee", LinkState.LIVE, now, -50.0, 10, 0, clock_offset_s=0.4)
+    world.tell(link)
+    for cameras, ahead_s in ((2, -0.4), (3, 0.1)):
+        fix = SentFix(cameras, now + timedelta(seconds=ahead_s))
+        station.fleet.note_fix_sent(MINI, fix)
+    ahead = now + timedelta(seconds=0.4)
+    assert station.fleet.status(MINI).at_station(ahead) == now
+    assert (await fix_told(client, world, ahead))[0] == "fixed by 2 cameras"
+
+
+async def test_a_robot_that_its_own_camera_fixed_is_fixed_by_no_other(client, station, world):
+    now = datetime.now(UTC)
+    station.fleet.note_fix_sent(MINI, SentFix(3, now))
+    told = await fix_told(client, world, now, is_by_own_camera=True)
+    assert told == ("fixed by its own camera", None)
+
+
 async def test_position_says_that_cameras_fixed_it_only_where_the_robot_says_so(
     client, station, world
 ):

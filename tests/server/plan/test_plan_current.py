@@ -8,6 +8,8 @@ import pytest
 
 from autonomy.estimation.known_current import UNTOLD
 from autonomy.planner.preset import planner_preset
+from db.query.fleet.onboard import ParameterRecord, keep_parameters
+from server.plan.settings import with_told_fix_depth
 from tests.server.conftest import MINI
 from tests.server.fake_link import current_report
 
@@ -34,6 +36,23 @@ def test_a_robot_that_never_told_is_taken_for_one_just_switched_on(station, monk
     position = station.planning.settings.known_current(MINI, PRESET).position_filter
     assert position.steady_current_m_s == pytest.approx(UNTOLD * 0.01)
     assert position.usual_current_m_s == pytest.approx(0.01)
+
+
+async def test_plans_count_on_fixes_as_deep_as_the_robot_said_that_it_takes_them(station):
+    store = station.foundation.store
+    now = station.foundation.clock.now()
+    assert await with_told_fix_depth(store, MINI, PRESET) == (PRESET, "")
+    deep = {"surface_depth_m": 1.2}
+    position = PRESET.position_filter.model_copy(update=deep)
+    wished = PRESET.model_copy(update={"position_filter": position})
+    told = ParameterRecord("FIX_DEPTH_M", 0.05000000074505806, "real32", now)
+    await store.write(lambda session: keep_parameters(session, MINI, [told]))
+    assert await with_told_fix_depth(store, MINI, PRESET) == (PRESET, "")
+    planned = await station.planning.in_water(MINI, wished)
+    assert planned.config.position_filter.surface_depth_m == 0.05
+    assert planned.text == (
+        "Fixes count to a depth of 0.05 m, as mini-1 said by FIX_DEPTH_M; the settings say 1.2 m."
+    )
 
 
 def test_settings_that_a_plan_was_made_with_still_say_what_is_usual(station):
