@@ -6,6 +6,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.vision import sight_kernel as kernel
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.lens import Lens
 from autonomy.vision.refraction import (
     FRESH_WATER_INDEX,
@@ -15,9 +16,6 @@ from autonomy.vision.refraction import (
 )
 from autonomy.vision.rigid import Pose
 
-CAMERA_ERRORS = 16
-"""What may be wrong of one camera, in order: its place in NED (3, m), its turn about its own axes
-(3, rad), the lens's parameters (9), and its edge shift (px)."""
 INDEX_STD = 0.0005
 """How well the index of refraction of a water of known kind and temperature is known."""
 _SMALLEST_SHARE = 1e-12

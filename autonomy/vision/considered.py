@@ -7,7 +7,8 @@ import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.vision import sight_kernel as kernel
-from autonomy.vision.camera import CAMERA_ERRORS, Rig
+from autonomy.vision.camera import Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.rigid import Pose, skew
 from autonomy.vision.tag import Tag
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.vision.camera import Camera, Rig
+from autonomy.vision.constants import TELEMETRY_S
 from autonomy.vision.corner import area_px2, mean_side_px
 from autonomy.vision.fix import (
     DEPTH_STD_M,
@@ -48,8 +49,6 @@ FORGET_S = 5.0
 REGION_S = 2.0
 """For so long after its last fix the place of a robot in a picture is predicted."""
 MARGIN_PX = 30.0
-TELEMETRY_S = 1.0
-"""What a robot said longer ago is not used."""
 TURN_STD_RAD_S = math.radians(5.0)
 """By how much a robot's tilt may have changed since it told it."""
 ROBOTS_MAX, TAGS_MAX = 20, 200

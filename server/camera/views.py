@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.tag import LATENCY_IDS
 from db.identity import public_id
 from db.query.camera.calibrations import CalibrationRecord
@@ -23,8 +24,6 @@ from server.camera.view import (
     SetUpStep,
 )
 
-_CAMERA_ERRORS = 16
-"""As in ``autonomy.vision.camera``: of each camera its place, its turn, its lens, its edges."""
 _COEFFICIENTS = {"pinhole": 5, "fisheye": 4}
 
 
@@ -96,7 +95,7 @@ def _summary(record: CalibrationRecord) -> str:
             f"of {len(record.result['views'])} pictures"
         )
     names = [camera["id"] for camera in record.result["cameras"]]
-    worst = max(_worst_std_m(record.covariance, _CAMERA_ERRORS * i, 3) for i in range(len(names)))
+    worst = max(_worst_std_m(record.covariance, CAMERA_ERRORS * i, 3) for i in range(len(names)))
     return f"{', '.join(names)} within {1e3 * worst:.0f} mm, rms {record.result['rms']:.1f}"
 
 
@@ -142,7 +141,7 @@ def _place(rig: CameraRig, name: str) -> CameraPlaceView | None:
         return None
     every = whole.result["cameras"]
     number = next(i for i, one in enumerate(every) if one["id"] == name)
-    camera, first = every[number], _CAMERA_ERRORS * number
+    camera, first = every[number], CAMERA_ERRORS * number
     rotation = np.array(camera["rotation"])
     return CameraPlaceView(
         _triple(camera["position_m"]),

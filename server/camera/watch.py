@@ -15,6 +15,7 @@ from typing import Any, Final
 import msgspec
 from sqlalchemy.orm import Session
 
+from autonomy.vision.constants import GREATEST_CHANGE_M, GREATEST_SPREAD_M
 from autonomy.vision.tag import TANK_IDS
 from db.fault import StoreUnavailableError
 from db.query.station.events import add_event
@@ -32,9 +33,6 @@ PERIOD_S: Final = 1.0
 NEWEST, LONGER = timedelta(seconds=3.0), timedelta(seconds=10.0)
 """Over so long cameras are judged, and the water."""
 FEWEST_TAGS: Final = 3
-GREATEST_SPREAD_M, GREATEST_CHANGE_M = 0.002, 0.030
-"""As in ``autonomy.vision.calibration.water_level``: how far cameras may disagree on the level, and
-by how much it may change before it is not applied by itself."""
 TOLD_AFTER: Final = 10
 """A tag that is there twice in so many pictures in a row is told."""
 _APPLIED_M: Final = 0.0003

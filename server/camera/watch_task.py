@@ -14,12 +14,12 @@ from autonomy.vision.calibration.adjustment import averaged
 from autonomy.vision.calibration.refusal import Refusal
 from autonomy.vision.calibration.watch import WATCH_PX, CameraStand, camera_stands
 from autonomy.vision.calibration.water_level import (
-    GREATEST_SPREAD_M,
     LevelFit,
     fit_level,
     ripple_slope_rad,
 )
 from autonomy.vision.camera import Rig
+from autonomy.vision.constants import GREATEST_SPREAD_M
 from autonomy.vision.fix import Sighting
 from autonomy.vision.rigid import Pose
 from autonomy.vision.sight import sights

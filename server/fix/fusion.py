@@ -13,6 +13,7 @@ from datetime import datetime, timedelta
 from typing import Any, Final
 
 from autonomy.site import Site
+from autonomy.vision.constants import TELEMETRY_S
 from autonomy.vision.tag import LATENCY_IDS, Layout
 from robot_link.camera.config import CameraConfig
 from robot_link.camera.fix import CameraFix
@@ -35,8 +36,6 @@ log = logging.getLogger(__name__)
 TASK: Final = "server.fix.fusion_task:fuse"
 STORED_PERIOD: Final = timedelta(seconds=0.2)
 """Fixes of a robot are told, kept and sent at most so often."""
-SAID_S: Final = 1.0
-"""As in ``autonomy.vision.tracker``."""
 _TOLD_PERIOD_S: Final = 1.0
 """So often the age of what cameras know is told."""
 _RIM_M: Final = 1.0
@@ -296,6 +295,6 @@ def _said(statuses: Mapping[str, RobotStatus], at: datetime) -> dict[str, Words]
         if state is None:
             continue
         age_s = (at - status.at_station(state.measured_at)).total_seconds()
-        if 0.0 <= age_s <= SAID_S:
+        if 0.0 <= age_s <= TELEMETRY_S:
             said[tags] = age_s, state.roll_rad, state.pitch_rad, state.position_ned[2]
     return said

@@ -14,7 +14,8 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.vision import sight_kernel as kernel
 from autonomy.vision.calibration.refusal import Refusal
-from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
+from autonomy.vision.camera import Camera, Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.corner import are_pixels
 from autonomy.vision.fix import GREATEST_SIGMA_PX, NoFix, Sighting, find_camera, sighting_fault
 from autonomy.vision.refraction import FRESH_WATER_INDEX

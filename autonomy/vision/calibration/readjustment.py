@@ -8,7 +8,8 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.vision.calibration.adjustment import GREATEST_RMS, placed
 from autonomy.vision.calibration.refusal import Refusal
-from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
+from autonomy.vision.camera import Camera, Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.fix import Fix, NoFix, Sighting, find_camera
 from autonomy.vision.tag import Layout
 

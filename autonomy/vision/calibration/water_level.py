@@ -12,15 +12,12 @@ from autonomy.vision import sight_kernel as kernel
 from autonomy.vision.calibration.refusal import Refusal
 from autonomy.vision.camera import Rig
 from autonomy.vision.considered import ripple_px
+from autonomy.vision.constants import GREATEST_CHANGE_M, GREATEST_SPREAD_M
 from autonomy.vision.fix import Sighting, sighting_fault
 from autonomy.vision.rigid import Pose
 from autonomy.vision.sight import Sights, sights
 from autonomy.vision.tag import Layout, Tag
 
-GREATEST_CHANGE_M = 0.030
-"""A level that changed by more is not applied by itself."""
-GREATEST_SPREAD_M = 0.002
-"""So far do cameras agree on one level."""
 TOLD_CHANGE_M = 0.005
 _STEPS = 8
 _SETTLED_M = 1e-7

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
+from autonomy.vision.camera import Camera, Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.fix import Fix, NoFix, Sighting, Telemetry, find_camera
 from autonomy.vision.onboard.gauss_markov import weighed
 from autonomy.vision.onboard.own_camera import Mount, OwnCamera

@@ -7,7 +7,8 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.vision.calibration.lens_fit import LensCalibration, calibrate_lens
-from autonomy.vision.camera import CAMERA_ERRORS, Camera
+from autonomy.vision.camera import Camera
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.corner import area_px2, corner_sigma_px
 from autonomy.vision.fix import Sighting
 from autonomy.vision.lens import Lens

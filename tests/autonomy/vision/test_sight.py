@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from autonomy.vision.camera import CAMERA_ERRORS, Camera, Rig
+from autonomy.vision.camera import Camera, Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.lens import Lens
 from autonomy.vision.reference import optics
 from autonomy.vision.refraction import FlatPort

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autonomy.vision.camera import CAMERA_ERRORS, Rig
+from autonomy.vision.camera import Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from db.query.camera.calibrations import add_calibration
 from db.query.camera.cameras import change_camera
 from server.access.role import Role

@@ -6,7 +6,8 @@ from datetime import timedelta
 
 import numpy as np
 
-from autonomy.vision.camera import CAMERA_ERRORS, Rig
+from autonomy.vision.camera import Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.tag import Bundle
 from db.query.camera.calibrations import add_calibration
 from robot_link.camera.sighting import Sighting, TagSeen

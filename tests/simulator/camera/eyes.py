@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.vision.camera import CAMERA_ERRORS, Rig
+from autonomy.vision.camera import Rig
+from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.fix import Sighting
 from autonomy.vision.tag import Registry
 from autonomy.vision.tracker import Followed, Picture, Region, Said, Track, follow, regions
