@@ -33,6 +33,8 @@ class Camera:
     """How far a tag's corners seem to lie farther in, along both sides: a wrong gamma's error."""
     port: FlatPort | None = None
     """The window of a camera under water; none where it is above."""
+    latency_std_s: float = 0.0
+    """How well it is known when its pictures were taken."""
     packed: FloatArray = field(init=False, repr=False)
     """The same for the kernels (``sight_kernel``), shape ``(28,)``."""
 

@@ -27,6 +27,7 @@ def considered_root(
     carrier: Pose,
     after_s: FloatArray,
     velocity_std_m_s: float,
+    velocity_ned_m_s: FloatArray | None = None,
     seeks_eye: bool = False,
 ) -> FloatArray:
     """Return by how much each considered error of one standard deviation moves the corners.
@@ -41,6 +42,7 @@ def considered_root(
         carrier: Takes the carrier's axes into NED.
         after_s: How long after the moment of the fix each view is, shape ``(m,)``.
         velocity_std_m_s: How well the velocity in between is known, per axis.
+        velocity_ned_m_s: With which the carrier moves, shape ``(3,)``; None where it lies still.
         seeks_eye: Whether the camera's own pose is sought, and so is no error of what was known.
 
     Returns:
@@ -56,6 +58,8 @@ def considered_root(
     if after_s.any():
         place = slopes[:, :, kernel.BODY_PLACE : kernel.BODY_TURN]
         parts.append(place * (after_s * velocity_std_m_s)[:, None, None])
+    if velocity_ned_m_s is not None:
+        parts.append(_of_latency(rig, numbers, slopes, velocity_ned_m_s))
     if rig.ripple_slope_rad > 0.0:
         sizes = [
             ripple_px(
@@ -99,6 +103,17 @@ def _of_cameras(rig: Rig, numbers: IntArray, slopes: FloatArray, *, seeks_eye: b
         own[:, :, : kernel.BY_LENS - kernel.EYE_PLACE] = 0.0
     rows = rig.root[:-1].reshape(len(rig.cameras), CAMERA_ERRORS, -1)[numbers]
     return own @ rows + slopes[:, :, [kernel.BY_LEVEL]] * rig.root[-1]
+
+
+def _of_latency(
+    rig: Rig, numbers: IntArray, slopes: FloatArray, velocity_ned_m_s: FloatArray
+) -> FloatArray:
+    """Return what a carrier's way does while a camera is late by more, or less, than was told."""
+    late = np.zeros((len(numbers), 8, len(rig.cameras)))
+    moved = slopes[:, :, kernel.BODY_PLACE : kernel.BODY_TURN] @ velocity_ned_m_s  # (m, 8), px/s
+    for i, number in enumerate(numbers.tolist()):
+        late[i, :, number] = moved[i] * rig.cameras[number].latency_std_s
+    return late
 
 
 def _of_tags(tags: Sequence[Tag], slopes: FloatArray, carrier: Pose) -> FloatArray:

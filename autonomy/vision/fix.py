@@ -301,6 +301,7 @@ class _Search:
     ) -> None:
         self._rig, self._used, self._shown = rig, tuple(used), tuple(shown)
         self._seeks_eye, self._velocity_std_m_s = seeks_eye, velocity_std_m_s
+        self._velocity = velocity_ned_m_s
         self.numbers: IntArray = np.array([rig.number(s.camera) or 0 for s in used])
         self._corners = np.array([tag.corners_m for tag in shown])
         self._measured = np.array([s.corners_px for s in used], dtype=np.float64)
@@ -437,6 +438,7 @@ class _Search:
             carrier=carrier,
             after_s=self._after_s,
             velocity_std_m_s=self._velocity_std_m_s,
+            velocity_ned_m_s=self._velocity,
             seeks_eye=self._seeks_eye,
         )
         first = kernel.EYE_PLACE if self._seeks_eye else kernel.BODY_PLACE

@@ -155,8 +155,18 @@ class CameraRig:
             cameras = self._placed(record)
             if cameras:
                 level_m: float = record.result["level_m"]
+                late = {
+                    one.id: one.latency_std_s
+                    for one in self._cameras.records
+                    if one.latency_std_s is not None
+                }
                 self.calibrated = UsedRig(
-                    record.key, record.result, record.covariance, cameras, level_m
+                    record.key,
+                    record.result,
+                    record.covariance,
+                    cameras,
+                    level_m,
+                    latency_std_s=late,
                 )
         self._tell()
 

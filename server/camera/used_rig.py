@@ -1,7 +1,7 @@
 """The cameras that robots are found by, as plain numbers; this module loads no numba."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from autonomy.arrays import FloatArray
@@ -31,3 +31,5 @@ class UsedRig:
     """Of what it changed by since the calibration."""
     ripple_slope_rad: float = 0.0
     """Root mean square slope of the surface, along each axis."""
+    latency_std_s: Mapping[str, float] = field(default_factory=dict[str, float])
+    """How well it is known when each camera's pictures were taken, where that was measured."""

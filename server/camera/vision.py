@@ -73,7 +73,10 @@ def rig_document(
 def rig_of(used: UsedRig) -> Rig:
     """Return the cameras that are used, as ``autonomy.vision`` takes them."""
     document = used.result
-    cameras = tuple(map(_camera_of, document["cameras"]))
+    cameras = tuple(
+        replace(one, latency_std_s=used.latency_std_s.get(one.name, 0.0))
+        for one in map(_camera_of, document["cameras"])
+    )
     rig = Rig(cameras, document["level_m"], used.covariance, document["index"])
     for camera in cameras:
         if camera.name not in used.cameras:

@@ -98,7 +98,8 @@ async def read_flight(
 ) -> Flight:
     """Read what a robot reported in a deployment, both ends included, all of it by default.
 
-    With ``by_cameras`` it was where cameras saw it.
+    With ``by_cameras`` it was where cameras saw it. Reports are dated by the robot's clock, fixes by
+    the station's; that the two agreed is assumed, for nobody keeps how far they were apart.
 
     Raises:
         Problem: 422 if the range is empty, 409 if nothing in it can be used or it is too long; the
@@ -128,7 +129,7 @@ async def read_flight(
     if len(fixes) < _FEWEST_FIXES:
         raise conflict(
             f"Cameras saw {deployment.robot} {len(fixes)} times in this time; {_FEWEST_FIXES} are"
-            " needed, or let its own positions count."
+            " needed, or let its own positions count. Its clock is taken for the station's."
         )
     return replace(flight, fixes=fixes)
 
