@@ -276,7 +276,11 @@ def test_fixes_are_judged():
     assert judge(fix, water=WATER).quality == "good"
     cases = [
         (replace(fix, rms=4.1), {}, "fit together"),
-        (replace(fix, considered_covariance=0.02 * np.eye(6)), {}, "0.14 m only"),
+        (
+            replace(fix, considered_covariance=0.02 * np.eye(6)),
+            {},
+            "not known well enough (0.14 m)",
+        ),
         (
             replace(fix, pose=Pose(POSE.rotation, np.array([6.0, 1, 0.5]))),
             {"water": WATER},
