@@ -98,8 +98,8 @@ async def read_flight(
 ) -> Flight:
     """Read what a robot reported in a deployment, both ends included, all of it by default.
 
-    With ``by_cameras`` it was where cameras saw it. Reports are dated by the robot's clock, fixes by
-    the station's; that the two agreed is assumed, for nobody keeps how far they were apart.
+    With ``by_cameras`` it was where cameras saw it. Reports are dated by the robot's clock, fixes
+    by the station's; that the two agreed is assumed, for nobody keeps how far they were apart.
 
     Raises:
         Problem: 422 if the range is empty, 409 if nothing in it can be used or it is too long; the
