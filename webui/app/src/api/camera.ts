@@ -18,6 +18,9 @@ export class CameraApi {
 
   list = () => told(this.#http.GET('/api/cameras'));
   add = (body: Schemas['NewCamera']) => told(this.#http.POST('/api/cameras', { body }));
+  /** Look through a camera that is none of the station's yet. */
+  lookThrough = (body: Schemas['CameraTrialRequest']) =>
+    told(this.#http.POST('/api/cameras/test', { body }));
   change = (camera: string, version: number, body: Schemas['CameraChanges']) =>
     told(
       this.#http.PATCH('/api/cameras/{camera}', {
