@@ -1,7 +1,7 @@
 """Fixes by cameras of a robot that flies without a radio, drawn from the covariance they state."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 
@@ -86,7 +86,7 @@ class SeenLife(Life):
         super().__init__(definition, seed)
         self._steps = 0
 
-    def live_until(self, holds, longest_s):
+    def live_until(self, holds: Callable[[], bool], longest_s: float) -> bool:
         def told() -> bool:
             robot = self.robot
             number = round(robot.program.time_s / 0.1)

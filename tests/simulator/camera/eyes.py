@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from autonomy.arrays import FloatArray
 from autonomy.vision.camera import Rig
 from autonomy.vision.constants import CAMERA_ERRORS
 from autonomy.vision.fix import Sighting
@@ -22,6 +21,7 @@ from robot_link.camera.sighting import Region as Place
 from robot_link.camera.sighting import TagSeen
 from simulator.camera.painter import Painter
 from simulator.camera.scene import Motion, Scene
+from simulator.camera.trace_kernel import Cells
 
 PERIOD_S, WHOLE_S = 0.2, 1.0
 
@@ -34,9 +34,11 @@ def rig_of_truth(scene: Scene) -> Rig:
     return Rig(scene.cameras, scene.level_m, np.diag(stds**2), scene.index)
 
 
-def read(painter: Painter, grey: FloatArray) -> FloatArray:
+def read(painter: Painter, grey: Cells) -> Cells:
     """Return a picture as it arrives: compressed."""
-    return cv2.imdecode(np.frombuffer(painter.jpeg(grey), np.uint8), cv2.IMREAD_GRAYSCALE)
+    sent = cv2.imdecode(np.frombuffer(painter.jpeg(grey), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert sent is not None
+    return sent.astype(np.uint8)
 
 
 @dataclass
