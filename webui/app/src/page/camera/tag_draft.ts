@@ -133,14 +133,14 @@ export function bodyOf(draft: TagSetDraft): {
 
 /** Addresses of the sheets to print, one for each size of plates. */
 export function sheetsOf(tags: readonly TagRow[]): { path: string; title: string }[] {
-  const ids: Record<string, number[]> = {};
+  const ids = new Map<number, number[]>();
   for (const tag of tags) {
     const [id, size] = [parseNumber(tag.id), parseNumber(tag.size)];
-    if (id !== null && size !== null) (ids[size] ??= []).push(id);
+    if (id !== null && size !== null) ids.set(size, [...(ids.get(size) ?? []), id]);
   }
-  return Object.entries(ids).map(([size, all]) => ({
+  return [...ids].map(([size, all]) => ({
     path: `/api/tags/sheets.pdf?ids=${all.join(',')}&size_m=${size}`,
-    title: `Print ${all.length === 1 ? 'the plate' : `${all.length} plates`} of ${plainNumber(1000 * Number(size))} mm`,
+    title: `Print ${all.length === 1 ? 'the plate' : `${all.length} plates`} of ${plainNumber(1000 * size)} mm`,
   }));
 }
 
