@@ -55,6 +55,29 @@ def add_robot_as_of_old(session: Session) -> None:
     )
 
 
+def add_reports_as_of_old(session: Session, *reports: StateReport) -> None:
+    """Add what the first robot said as the first version of the schema kept it."""
+    for one in reports:
+        at = int(one.measured_at.timestamp() * 1e6)
+        north_m, east_m, depth_m = one.position_ned
+        session.execute(
+            text(
+                "INSERT INTO state_report (robot_key, measured_at, received_at, north_m, east_m,"
+                " depth_m, position_std_m, has_fix, mode) VALUES"
+                " (1, :at, :at, :north_m, :east_m, :depth_m, :std_m, :has_fix, :mode)"
+            ),
+            {
+                "at": at,
+                "north_m": north_m,
+                "east_m": east_m,
+                "depth_m": depth_m,
+                "std_m": one.position_std_m,
+                "has_fix": one.has_fix,
+                "mode": int(one.mode),
+            },
+        )
+
+
 def report(
     second: float, depth_m: float = 0.5, robot: str = "mini-1", **changes: object
 ) -> StateReport:

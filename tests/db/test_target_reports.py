@@ -29,7 +29,13 @@ from db.query.mission.target_reports import (
 from db.query.mission.target_span import TargetSpan
 from db.query.station.events import add_event
 from db.store import Store
-from tests.db.conftest import START, add_robot_as_of_old, report, robot_record
+from tests.db.conftest import (
+    START,
+    add_reports_as_of_old,
+    add_robot_as_of_old,
+    report,
+    robot_record,
+)
 from tests.db.target import target_report
 
 
@@ -110,7 +116,7 @@ def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
         command.upgrade(configuration(connection), "0006")
         with Session(connection) as session:
             add_robot_as_of_old(session)
-            append_telemetry(session, [report(0), report(1, 0.7)])
+            add_reports_as_of_old(session, report(0), report(1, 0.7))
             session.commit()
     migrate(engine)
     with Session(engine) as session:
