@@ -55,6 +55,7 @@ class Eyes:
         self._detector = TagDetector(self.scene.sensor.gamma)
         self._regions: Mapping[str, tuple[Region, ...]] = {}
         self._whole_s = -math.inf
+        self.strangers: set[int] = set()
 
     def look(
         self, time_s: float, robots: Mapping[str, Motion], said: Mapping[str, Said] | None = None
@@ -66,6 +67,8 @@ class Eyes:
             Picture(painter.camera.name, time_s, self._seen(painter, time_s, robots, is_whole))
             for painter in self.painters
         ]
+        ids = {seen.tag_id for picture in pictures for seen in picture.sightings}
+        self.strangers |= {one for one in ids if self.registry.is_stranger(one)}
         answer = follow(self.tracks, pictures, self.rig, self.registry, said=said)
         self.tracks = answer.tracks
         self._regions = regions(self.tracks, self.rig, self.registry, time_s + PERIOD_S)
