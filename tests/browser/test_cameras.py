@@ -146,6 +146,7 @@ def test_three_cameras_are_set_up_from_nothing_by_hand(tank, desk, told):
     check = region(desk, "Check of all cameras")
     expect(check.get_by_text("Measured.")).to_be_visible(timeout=SET_UP_MS)
     rows = check.get_by_role("table", name="Accuracy by depth").locator("tbody tr")
+    expect(rows.first).to_be_visible()
     means = [float(row.locator("td").nth(2).inner_text()) for row in rows.all()]
     journey.tell("check", f"mean <= {FIX_MOST_MM} mm at each depth", f"{max(means)} mm")
     assert max(means) <= FIX_MOST_MM
