@@ -55,11 +55,12 @@ def _marks(picture: Picture, status: CameraStatus, rig: CameraRig) -> Marks | No
     sighting = picture.sighting
     if sighting is None:
         return None
-    is_left_out = status.camera in rig.left_out
+    usable = rig.rig
+    finds = usable is not None and status.camera in usable.cameras
     refused = frozenset(
         tag.id
         for tag in sighting.tags
-        if is_left_out or not tag.is_fitted or rig.registry.is_stranger(tag.id)
+        if not finds or not tag.is_fitted or rig.registry.is_stranger(tag.id)
     )
     return Marks(
         sighting.size, sighting.tags, refused, rig.regions(status.camera), status.stand.off_px

@@ -17,9 +17,12 @@ from robot_link.clock import ScaledClock, SystemClock
 from server.access.role import Role
 from server.camera.event import PictureSeen
 from server.camera.moment import AHEAD, BACK, OLD, PictureMoments
+from server.camera.picture.newest import Pictures
+from server.camera.picture.route import _marks
 from server.camera.processes import CameraProcesses
 from server.camera.rig import CameraRig
 from server.camera.set_up.boards import CORNERS_MOST, Boards
+from server.camera.status import CameraStatuses
 from tests.server.camera.conftest import STAND_IN
 from tests.server.conftest import api_client, until
 
@@ -211,6 +214,19 @@ async def test_pictures_are_sent_while_somebody_looks_and_kept_nowhere(client, f
     assert marked.content != plain.content
     folder = foundation.settings.data_dir
     assert pictures_in(folder) == []
+
+
+async def test_no_tag_is_called_used_in_a_camera_that_is_not_calibrated(client, foundation):
+    tag = {"id": 100, "size_m": 0.15, "position_m": [1.0, 0.5, 1.2]}
+    told = await client.put("/api/tags", json={"layout": {"tags": [tag]}, "bundles": []})
+    assert told.status_code == 200, told.text
+    await added(client)
+    await until(lambda: _picture(client))
+    services = foundation.services
+    picture = await services.get(Pictures).newest("tank-1")
+    marks = _marks(picture, services.get(CameraStatuses).of("tank-1"), services.get(CameraRig))
+    assert marks.tags
+    assert marks.refused == {tag.id for tag in marks.tags}
 
 
 def pictures_in(folder):
