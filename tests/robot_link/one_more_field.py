@@ -22,7 +22,7 @@ from robot_link.report_field import Catalogue, Gauge, Octets, Possible, Recorded
 KEY = "hull_temperature_k"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StateReport(messages.StateReport):
     """A state with one number more."""
 
