@@ -55,11 +55,14 @@ class CameraProcess:
     async def _life(self) -> AsyncIterator[TagView | CameraWords]:
         """Yield what one process sees until it ends or speaks nonsense."""
         pipe = asyncio.subprocess.PIPE
-        process = await asyncio.create_subprocess_exec(*self._command, stdin=pipe, stdout=pipe)
-        assert process.stdin is not None  # noqa: S101 - as asked for
-        assert process.stdout is not None  # noqa: S101 - as asked for
+        starting = asyncio.ensure_future(
+            asyncio.create_subprocess_exec(*self._command, stdin=pipe, stdout=pipe)
+        )
         reader = CameraReader()
         try:
+            process = await asyncio.shield(starting)
+            assert process.stdin is not None  # noqa: S101 - as asked for
+            assert process.stdout is not None  # noqa: S101 - as asked for
             process.stdin.write(framed(self._settings))
             while data := await process.stdout.read(_READ_BYTES):
                 for message in reader.take(data):
@@ -71,7 +74,12 @@ class CameraProcess:
         except CameraWireError as error:
             _log.warning("camera %s speaks nonsense: %s", self._settings.camera, error)
         finally:
-            await _ended(process)
+            ending = asyncio.ensure_future(_ended(starting))
+            try:
+                await asyncio.shield(ending)
+            except asyncio.CancelledError:
+                await ending  # whoever is cancelled leaves no process behind
+                raise
 
     def _view(self, seen: Sighting) -> TagView:
         """Return a sighting with the count of the moment at which its picture was taken."""
@@ -79,8 +87,9 @@ class CameraProcess:
         return TagView(self._count_s() - age_s, seen.tags)
 
 
-async def _ended(process: asyncio.subprocess.Process) -> None:
+async def _ended(starting: asyncio.Future[asyncio.subprocess.Process]) -> None:
     """End a process: by closing its input, and if it does not end then, for good."""
+    process = await starting
     with suppress(TimeoutError):
         async with asyncio.timeout(_END_S):
             await process.communicate()

@@ -1,8 +1,9 @@
 """The real process of a camera behind the robot's camera node, before a folder of pictures."""
 
 import asyncio
+import gc
 import sys
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 
 import cv2
 import numpy as np
@@ -73,3 +74,24 @@ async def test_a_process_that_speaks_nonsense_or_ends_is_begun_again(tmp_path):
     async with node_of(CameraProcess(settings, lambda: 0.0, command)) as (_, state):
         assert "begun again" in (await newest(state))["words"]
         await until(lambda: begun.exists() and len(begun.read_text()) >= 2)
+
+
+def test_whoever_stops_it_at_any_moment_leaves_no_process_behind():
+    command = (sys.executable, "-S", "-c", "import sys; sys.stdout.write('\\xff' * 99)")
+    camera = CameraProcess(SourceSettings("onboard", "folder:wall"), lambda: 0.0, command)
+
+    async def look():
+        async for _ in camera.views():
+            pass
+
+    async def look_for(wait_s):
+        looking = asyncio.create_task(look())
+        await asyncio.sleep(wait_s)
+        looking.cancel()
+        with suppress(asyncio.CancelledError):
+            await looking
+
+    for wait_s in np.random.default_rng().uniform(0.0, 0.1, 30):
+        asyncio.run(look_for(wait_s))
+    # A transport that was left open warns when it is collected, which fails the test.
+    gc.collect()
