@@ -147,8 +147,9 @@ async def test_three_cameras_are_set_up_bumped_and_set_up_again(client, foundati
     assert standing(foundation, "camera-level")() is None
 
     tank(level_m=0.08, **{"tank-2": {"turned_deg": 0.25}})
-    alarm = await until(standing(foundation, "camera-level"))
-    assert "more than is counted" in alarm.text
+    # A camera whose picture is older than the fall disagrees with the others at first.
+    level = standing(foundation, "camera-level")
+    await until(lambda: (alarm := level()) is not None and "more than is counted" in alarm.text)
     assert abs(rig.rig.level_m - level_m) <= 0.031
 
 

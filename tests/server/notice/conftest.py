@@ -119,18 +119,25 @@ def words(taken: Taken) -> str:
 
 
 async def move(here: NoticeStation, moving: list[timedelta], minutes: float) -> None:
-    """Let time pass, and wait until the station has done what was due."""
+    """Let time pass once the past is dealt with, and wait until what is due now is, too."""
+    await settled(here)
     moving[0] += timedelta(minutes=minutes)
+    await settled(here)
+
+
+async def settled(here: NoticeStation) -> None:
+    """Wait until all that the station knows has gone through one whole round of its notices."""
     wakeups = here.notices._wakeups  # pyright: ignore[reportPrivateUsage]
-    wakeups.wake()
-    done = asyncio.Event()
     seen = wakeups.next
+    begun = asyncio.Semaphore(0)
 
     async def watch() -> list[str]:
-        done.set()
+        begun.release()
         return await seen()
 
     wakeups.next = watch
     async with asyncio.timeout(30.0):
-        await done.wait()
+        for _ in range(2):  # the first ends a round that may have begun before
+            wakeups.wake()
+            await begun.acquire()
     wakeups.next = seen
