@@ -25,6 +25,7 @@ from db import (
     quality_tables,
     sample_tables,
     schedule_tables,
+    storage_tables,
     study_tables,
     tables,
     tag_tables,
@@ -55,6 +56,7 @@ _TABLE_MODULES = (
     log_book_tables,
     decision_tables,
     camera_tables,
+    storage_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

@@ -39,6 +39,7 @@ from server.satellite.gateways import Gateways
 from server.satellite.install import GatewayFactory
 from server.scene import install as scene
 from server.schedule import install as schedule
+from server.storage import install as storage
 from server.study import install as study
 from server.survey import install as survey
 from server.system import install as system
@@ -85,6 +86,7 @@ CAPABILITIES = (
     logbook,
     delivery,
     analysis,
+    storage,
 )
 """Each stands on those before it alone."""
 ROUTERS = tuple(router for capability in CAPABILITIES for router in capability.ROUTERS)

@@ -30,6 +30,7 @@ from robot_link.delivery_config import DeliveryMetadata
 from robot_link.lease_config import LeaseConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from robot_link.standard_config import StandardCommandConfig
+from robot_link.storage_config import StorageConfig
 from server.base.problem import not_found
 
 ONBOARD_CONTROLLER = "controller.backstepping"
@@ -72,6 +73,8 @@ class ConfigurationKind:
     is_of_data: bool = False
     """It says how what was measured is judged and told, and moves no robot: nobody needs to be in
     charge of one to change it."""
+    is_of_station: bool = False
+    """It is of the station as a whole, never of a robot: administrators change it."""
 
 
 def _by_vehicle(
@@ -188,6 +191,10 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _same_for_all("lease", "Pilot in charge", LeaseConfig()),
             _same_for_all("camera", "Cameras", CameraConfig()),
             _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
+            replace(
+                _same_for_all("storage", "Storage", StorageConfig(), is_of_data=True),
+                is_of_station=True,
+            ),
             *map(_of_controller, CONTROLLERS.values()),
         )
     }
@@ -206,6 +213,8 @@ FOREIGN_KINDS = frozenset(
 
 def fits(kind: str, robot: RobotRecord) -> bool:
     """Tell whether a model means something for a robot."""
+    if KINDS[kind].is_of_station:
+        return False
     return kind in FOREIGN_KINDS if robot.is_foreign else kind != "standard_commands"
 
 

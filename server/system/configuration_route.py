@@ -10,10 +10,13 @@ from db.fault import UnknownIdError
 from db.query.fleet.robots import list_robots
 from db.query.station.configurations import configuration_history, get_configuration
 from db.record import same
+from server.access.caller import Caller
 from server.access.dependency import InChargeOf, Pilot, Viewer
+from server.access.role import Right
 from server.base.configuration import CurrentConfiguration
-from server.base.configuration_kind import KINDS, find_kind, fits
+from server.base.configuration_kind import KINDS, ConfigurationKind, find_kind, fits
 from server.base.dependency import FoundationDep, StoreDep
+from server.base.problem import FieldError, Problem, unprocessable
 from server.base.view import JsonSchema, SettingsDocument, SettingsPatch, View
 
 router = APIRouter(prefix="/api/config", tags=["config"])
@@ -147,15 +150,27 @@ async def patch_config(
     """Change some fields and save the whole as a new version; null returns one to its preset.
 
     In a map, such as rules by channel, null removes (RFC 7396): an entry, or what an entry says.
-    Whoever changes what robots do must be in charge of them; not so for what is said of data.
+    Whoever changes what robots do must be in charge of them; not so for what is said of data. What
+    is of the station as a whole, administrators change.
     """
-    if not find_kind(kind).is_of_data:
+    found = find_kind(kind)
+    if found.is_of_station:
+        _check_of_station(found, caller, robot)
+    if not found.is_of_data:
         await in_charge([] if robot is None else [robot])
     changed = await foundation.configurations.patch(
         kind, robot, patch.root, by=caller.name, if_match=if_match
     )
     response.headers["ETag"] = changed.etag
     return _view(changed)
+
+
+def _check_of_station(kind: ConfigurationKind, caller: Caller, robot: str | None) -> None:
+    if robot is not None:
+        message = f"{kind.title} is set for the station, not for a robot"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["robot"], msg=message)])
+    if not caller.rights.may(Right.ADMINISTER):
+        raise Problem(403, f"{kind.title} is changed by administrators.")
 
 
 def _view(found: CurrentConfiguration) -> ConfigurationView:

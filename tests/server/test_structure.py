@@ -16,10 +16,10 @@ ORDER = (
     "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",
     "prediction", "alarm", "notice", "scene", "replay", "recording_file", "recording", "logbook",
-    "delivery", "analysis", "cli",
+    "delivery", "analysis", "storage", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
-ARROWS_MAX = 205
+ARROWS_MAX = 215
 FILES_MAX = 25
 STATION_LINES_MAX = 170
 
@@ -51,7 +51,7 @@ def test_arrows_between_rooms_are_few_and_none_goes_up():
     # Where no arrow goes up, none can close a circle.
     assert not upward
     assert len(found) <= ARROWS_MAX
-    assert len(rooms) <= 40
+    assert len(rooms) <= 44
 
 
 def test_every_room_has_its_place_and_fits_on_a_page():

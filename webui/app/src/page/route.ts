@@ -30,6 +30,14 @@ export const PAGES = [
     within: 'settings',
     manual: 'cameras',
   },
+  {
+    key: 'storage',
+    title: 'Storage',
+    letter: 'o',
+    hasRobot: false,
+    within: 'settings',
+    manual: 'storage',
+  },
 ] as const;
 
 export type PageKey = (typeof PAGES)[number]['key'];
