@@ -7,6 +7,7 @@ only loaded (``autonomy.compiled``), so it does no harm to go through the steps 
 
 import hashlib
 import importlib
+import os
 import sys
 from importlib import metadata
 from pathlib import Path
@@ -100,7 +101,7 @@ def is_complete(*, flight_only: bool = False) -> bool:
 def note_complete(digest: str, *, flight_only: bool = False) -> None:
     """Note that all ``STEPS``, or those of ``FLIGHT``, were compiled from sources of a digest."""
     stamp = _stamp(flight_only)
-    stamp.parent.mkdir(exist_ok=True)
+    stamp.parent.mkdir(parents=True, exist_ok=True)
     _versions_beside(stamp).write_text(_versions())
     stamp.write_text(digest)
 
@@ -119,8 +120,13 @@ def _versions() -> str:
 
 
 def _stamp(is_flight: bool) -> Path:
+    """Return where it is noted, beside the machine code: where numba was told to keep that.
+
+    An installation that its user cannot write keeps it elsewhere, by ``NUMBA_CACHE_DIR``.
+    """
     name = "flight.digest" if is_flight else "compiled.digest"
-    return Path(__file__).parent / "__pycache__" / name
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(folder) if folder else Path(__file__).parent / "__pycache__") / name
 
 
 def _versions_beside(stamp: Path) -> Path:

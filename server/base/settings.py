@@ -36,6 +36,8 @@ class Settings(BaseSettings):
     """PEM file of the certificate's key."""
     behind_proxy: bool = False
     """A reverse proxy on this host or network speaks TLS to the browsers."""
+    proxies: tuple[str, ...] = ("127.0.0.1", "::1")
+    """Addresses or networks of that proxy: who asks is believed from these alone."""
     public_origins: tuple[str, ...] = ()
     """Origins that browsers see, such as ``https://station.example.org``, where they differ."""
     simulation: bool = False
@@ -75,7 +77,7 @@ class Settings(BaseSettings):
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
 
-    @field_validator("directip_allowed")
+    @field_validator("directip_allowed", "proxies")
     @classmethod
     def _are_networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for network in value:

@@ -10,16 +10,21 @@ from argparse import SUPPRESS, ArgumentParser, Namespace
 from pathlib import Path
 
 import uvicorn
+from fastapi import FastAPI
 
+import autonomy
 from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from server.app import create_app
+from server.base.foundation import Foundation
 from server.base.settings import Settings
 from server.cli.data import settings_of
 from server.cli.data_folder import DataFolderError, hold_data_folder
 from server.cli.failure import CommandError, log_to_console
 from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
 from server.cli.option import add_data_option
+from server.cli.service.manager import ServiceManager, keep_alive
+from server.system.certificate import CertificateError, ServedCertificate
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128
@@ -36,6 +41,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--tls-key", type=Path, metavar="PEM", help="key of the certificate")
     parser.add_argument(
         "--behind-proxy", action="store_true", default=None, help="a reverse proxy speaks TLS"
+    )
+    parser.add_argument(
+        "--proxy",
+        action="append",
+        metavar="NETWORK",
+        help="address or network of that proxy (default: this machine); may be given again",
     )
     parser.add_argument(
         "--public-origin",
@@ -68,6 +79,7 @@ def run(arguments: Namespace) -> int:
         tls_certificate=arguments.tls_certificate,
         tls_key=arguments.tls_key,
         behind_proxy=arguments.behind_proxy,
+        proxies=arguments.proxy,
         public_origins=arguments.public_origin,
         simulation=arguments.simulation,
         clock_file=arguments.clock_file,
@@ -76,17 +88,55 @@ def run(arguments: Namespace) -> int:
     if arguments.parent_pid is not None:
         _end_with_parent(arguments.parent_pid)
     log_to_console()
+    manager = ServiceManager()
+    inherited = manager.listener if arguments.listen_fd is None else arguments.listen_fd
+    _keep_machine_code(settings.data_dir)
     try:
-        with hold_data_folder(settings.data_dir), _listener(settings, arguments.listen_fd) as at:
-            asyncio.run(_serve(settings, at))
-    except (DataFolderError, NewerSchemaError, StoreError, OSError) as error:
+        with hold_data_folder(settings.data_dir), _listener(settings, inherited) as at:
+            asyncio.run(_serve(settings, at, manager))
+    except (DataFolderError, NewerSchemaError, StoreError, CertificateError, OSError) as error:
         raise CommandError(str(error)) from error
     return 0
 
 
-async def _serve(settings: Settings, listener: socket.socket) -> None:
+def _keep_machine_code(folder: Path) -> None:
+    """Keep compiled kernels in the data folder where this user cannot write the installation."""
+    if not os.access(Path(autonomy.__file__).parent, os.W_OK):
+        os.environ.setdefault("NUMBA_CACHE_DIR", str((folder / "kernels").resolve()))
+
+
+async def _serve(settings: Settings, listener: socket.socket, manager: ServiceManager) -> None:
     app = create_app(settings)
-    server = HttpServer(
+    async with app.router.lifespan_context(app):
+        foundation: Foundation = app.state.foundation
+        server = _server(app, foundation)
+        server.stop_on_signals()
+        _reload_on_signal(foundation, manager)
+        # Connections wait in the listener's queue from here on, so the address may be told.
+        listener.listen(LISTEN_BACKLOG)
+        _announce(settings, listener, app.state.first_code)
+        manager.ready("Serving")
+        foundation.background.start("signs of life", keep_alive(manager, foundation.store))
+        await server.serve(sockets=[listener])
+        manager.stopping()
+
+
+def _reload_on_signal(foundation: Foundation, manager: ServiceManager) -> None:
+    """Read the certificate anew on SIGHUP, which stops nothing."""
+
+    def reload() -> None:
+        manager.reloading("Reading the certificate")
+        if foundation.settings.has_tls:
+            foundation.services.get(ServedCertificate).look_now()
+        manager.ready("Serving")
+
+    asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, reload)
+
+
+def _server(app: FastAPI, foundation: Foundation) -> HttpServer:
+    settings = foundation.settings
+    context = foundation.services.get(ServedCertificate).context if settings.has_tls else None
+    return HttpServer(
         uvicorn.Config(
             app,
             lifespan="off",
@@ -98,16 +148,10 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
             server_header=False,
             timeout_graceful_shutdown=GRACEFUL_STOP_S,
             proxy_headers=settings.behind_proxy,
-            ssl_certfile=settings.tls_certificate,
-            ssl_keyfile=settings.tls_key,
+            forwarded_allow_ips=list(settings.proxies),
+            ssl_context_factory=None if context is None else lambda _config, _default: context,
         )
     )
-    server.stop_on_signals()
-    async with app.router.lifespan_context(app):
-        # Connections wait in the listener's queue from here on, so the address may be told.
-        listener.listen(LISTEN_BACKLOG)
-        _announce(settings, listener, app.state.first_code)
-        await server.serve(sockets=[listener])
 
 
 def _announce(settings: Settings, listener: socket.socket, first_code: str | None) -> None:

@@ -12,10 +12,10 @@ from typing import Any
 from autonomy import warm_up
 from server.base.job import JobBoard, JobError, JobProgress
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.system.health_route import KERNELS_JOB
 
 log = logging.getLogger(__name__)
 
-JOB_KIND = "kernels"
 COMPILE = "server.plan.machine_code:compile_all"
 _LOWEST_PRIORITY = 19
 
@@ -32,7 +32,7 @@ class MachineCode:
         """Begin to compile what is not compiled; nothing is begun where all is."""
         if not await asyncio.to_thread(warm_up.is_complete):
             self._done = frozenset()
-            await self._jobs.start(JOB_KIND, self._compile, by="station")
+            await self._jobs.start(KERNELS_JOB, self._compile, by="station")
 
     async def wait_for(self, step: str, tell: Callable[[str], None]) -> None:
         """Return as soon as a step is compiled; meanwhile ``tell`` a sentence at each change."""

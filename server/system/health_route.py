@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, Final
 
 from fastapi import APIRouter
 
@@ -12,8 +12,12 @@ from db.query.fleet.robots import list_robots
 from server.access.dependency import AccessDep
 from server.base.dependency import FoundationDep
 from server.base.view import View, one_of
+from server.system.certificate import ServedCertificate
 
 router = APIRouter(prefix="/api/health", tags=["station"])
+
+KERNELS_JOB: Final = "kernels"
+"""Kind of the job that compiles the numeric kernels; see ``server.plan.machine_code``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,11 @@ class HealthView(View):
     robots: int
     clock: ClockView
     unacknowledged_alarms: int
+    preparing: str
+    """What the station compiles since its first start, and how far it is; empty once all is done.
+    Pages are served meanwhile, and what needs a part that is not there yet waits for it."""
+    certificate_expires: datetime | None
+    """End of the certificate with which the station speaks TLS; null where a proxy does."""
 
 
 @router.get("")
@@ -66,6 +75,7 @@ async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView
         robots = len(await store.query(list_robots))
     except StoreUnavailableError as error:
         fault = str(error)
+    jobs = foundation.jobs.running
     return HealthView(
         status="ok" if fault is None else "degraded",
         ready=fault is None,
@@ -77,4 +87,10 @@ async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView
         robots=robots,
         clock=ClockView(foundation.clock.now(), foundation.clock.speed),
         unacknowledged_alarms=foundation.alarms.unacknowledged,
+        preparing=next((one.message for one in jobs if one.kind == KERNELS_JOB), ""),
+        certificate_expires=(
+            foundation.services.get(ServedCertificate).expires
+            if foundation.settings.has_tls
+            else None
+        ),
     )

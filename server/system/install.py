@@ -12,6 +12,7 @@ from server.system import (
     job_route,
     live_route,
 )
+from server.system.certificate import ServedCertificate
 
 ROUTERS = (
     health_route.router,
@@ -25,8 +26,8 @@ ROUTERS = (
 
 
 def install(foundation: Foundation) -> None:
-    """Show jobs in the live stream, and tell there of a change of the catalogue of channels."""
-    feed = foundation.feed
+    """Show jobs in the live stream, tell there of a change of channels, watch the certificate."""
+    feed, settings = foundation.feed, foundation.settings
     foundation.services.add(feed)
 
     async def robot_of_job(job: str) -> tuple[str, ...]:
@@ -40,3 +41,7 @@ def install(foundation: Foundation) -> None:
     foundation.bus.subscribe(
         JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job, event.job.robot)
     )
+    if settings.tls_certificate is not None and settings.tls_key is not None:
+        certificate = ServedCertificate(settings.tls_certificate, settings.tls_key)
+        foundation.services.add(certificate)
+        foundation.lifetime.run("certificate", lambda: certificate.watch(foundation.alarms))

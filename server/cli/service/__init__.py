@@ -1,0 +1,1 @@
+"""What a station is to who starts, watches and replaces its process."""
