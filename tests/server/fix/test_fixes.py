@@ -214,8 +214,10 @@ async def test_the_gates_of_the_settings_are_those_of_fixes(client, world, filmi
 
 async def test_fixes_are_sent_as_often_as_the_settings_say(client, world, filming, foundation):
     foundation.services.get(CameraProcesses).config = CameraConfig(fix_rate_hz=0.1)
+    begun = foundation.clock.now()
     await filming.until_found(ROBOT.tags, HERE, lambda: more(client, 8))
-    assert len(world.fixes) == 1
+    lasted_s = (foundation.clock.now() - begun).total_seconds()
+    assert 1 <= len(world.fixes) <= 1.0 + lasted_s / 10.0
 
 
 @pytest.mark.parametrize(("together_s", "moments"), [(0.06, 1), (0.01, 2)])
@@ -287,11 +289,19 @@ async def test_fixes_are_kept_at_most_five_times_a_second_and_thinned_out(client
     for _ in range(30):
         filming.shoot((ROBOT.tags, HERE))
         await asyncio.sleep(0.05)
-    rows = await fixes(client)
+
+    async def at_rest():
+        before, some, after = (
+            await fixes(client),
+            await fixes(client, max_points=3),
+            await fixes(client),
+        )
+        return (before, some) if before == after else None
+
+    rows, thinned = await until(at_rest)
     begin, end = (np.datetime64(rows[i]["measured_at"].rstrip("Z")) for i in (0, -1))
     lasted_s = (end - begin) / np.timedelta64(1, "s")
     assert len(rows) <= 5.0 * lasted_s + 2.0
-    thinned = await fixes(client, max_points=3)
     assert len(thinned) <= 3
     assert thinned[-1] == rows[-1]
     early = await fixes(client, end=start.isoformat())
