@@ -1,13 +1,12 @@
 """Who comes closest, from random starts: the thesis's ordering of the three controllers."""
 
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
 
+from autonomy import campaign
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif import kernel
@@ -22,6 +21,7 @@ DURATIONS_S = (100.0, 200.0, 300.0, 400.0, 600.0)
 REFERENCES: tuple[ReferenceName, ...] = ("linear_glide", "sawtooth")
 STEP_S = 0.05
 _SAMPLE_S = 5.0
+_STRIDE = round(_SAMPLE_S / STEP_S)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,26 +74,24 @@ def race(
         report: Told how many starts are done.
     """
     scenario = TrialConfig(reference=reference, duration_s=durations_s[-1], step_s=STEP_S)
+    with campaign.opened() as spread:
+        found = spread.run(_race_from, (scenario, durations_s), list(starts), on_done=report)
+    rms, end, course = (np.array(part) for part in zip(*found, strict=True))
+    time_s = STEP_S * np.arange(0.0, scenario.periods, _STRIDE)
+    return Race(durations_s, rms, end, time_s, course)
+
+
+def _race_from(
+    course: tuple[TrialConfig, tuple[float, ...]], state: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return RMS and end at each duration and the thinned errors, ``(3, ...)``, of one start."""
+    scenario, durations_s = course
     references = packed_references(MINIGLIDER, scenario)
     upto = np.array([round(duration / STEP_S) for duration in durations_s])
-    stride = round(_SAMPLE_S / STEP_S)
-
-    def run(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        begun = scenario.model_copy(update={"start": _start(state, references[0])})
-        errors = np.array([_horizontal_error(begun, one, references) for one in CONTENDERS])
-        square_sums = np.cumsum(errors**2, axis=1)[:, upto - 1]
-        return np.sqrt(square_sums / upto), errors[:, upto - 1], errors[:, ::stride]
-
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        jobs = [threads.submit(run, state) for state in starts]
-        try:
-            for done, _ in enumerate(as_completed(jobs), start=1):
-                report(done)
-        except BaseException:
-            threads.shutdown(cancel_futures=True)
-            raise
-    rms, end, course = (np.array(part) for part in zip(*(j.result() for j in jobs), strict=True))
-    return Race(durations_s, rms, end, STEP_S * np.arange(0.0, scenario.periods, stride), course)
+    begun = scenario.model_copy(update={"start": _start(state, references[0])})
+    errors = np.array([_horizontal_error(begun, one, references) for one in CONTENDERS])
+    square_sums = np.cumsum(errors**2, axis=1)[:, upto - 1]
+    return np.sqrt(square_sums / upto), errors[:, upto - 1], errors[:, ::_STRIDE]
 
 
 def reproduce(seed: int, report: Report) -> Reproduction:

@@ -1,12 +1,11 @@
 """Simulated surveys behind thesis Figures 5.7 and 5.9, and how their results are drawn."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
 
+from autonomy import campaign
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldModelKey
 from autonomy.field.score import Scores
@@ -63,7 +62,7 @@ def fly_all(
     models: Callable[[Trial], Sequence[FieldModelKey]],
     report: Report,
 ) -> list[Outcome]:
-    """Fly every survey on every core, and score models on its samples as the robot located them.
+    """Fly every survey on every core or machine; score models on samples as the robot located them.
 
     Args:
         sweep: Which surveys.
@@ -79,30 +78,35 @@ def fly_all(
         report(_LEARNING_SHARE * share, f"manual survey, drift {drift:g}")
         learned[drift] = models_at(drift, seed)
 
-    def run(trial: Trial) -> Outcome:
-        field = learned[trial.drift_m_sqrt_s]
-        survey = fly_trial(trial, field, sweep.iterations)
-        return Outcome(
-            trial,
-            {model: scores_of(field.filtered, model, survey.samples) for model in models(trial)},
-        )
-
     trials = [
         Trial(scenario, drift, number, seed)
         for drift in sweep.drifts_m_sqrt_s
         for scenario in SCENARIOS
         for number in range(sweep.trials)
     ]
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        running = [threads.submit(run, trial) for trial in trials]
-        try:
-            for done, _ in enumerate(as_completed(running), start=1):
-                share = _LEARNING_SHARE + (1.0 - _LEARNING_SHARE) * done / len(trials)
-                report(share, f"survey {done} of {len(trials)}")
-        except BaseException:
-            threads.shutdown(cancel_futures=True)
-            raise
-        return [each.result() for each in running]
+
+    def tell(done: int) -> None:
+        share = _LEARNING_SHARE + (1.0 - _LEARNING_SHARE) * done / len(trials)
+        report(share, f"survey {done} of {len(trials)}")
+
+    with campaign.opened(holds_lock=True) as spread:
+        return spread.run(
+            _fly_and_score,
+            (learned, sweep.iterations),
+            [(trial, tuple(models(trial))) for trial in trials],
+            on_done=tell,
+        )
+
+
+def _fly_and_score(
+    known: tuple[Mapping[float, Models], int], asked: tuple[Trial, tuple[FieldModelKey, ...]]
+) -> Outcome:
+    (learned, iterations), (trial, models) = known, asked
+    field = learned[trial.drift_m_sqrt_s]
+    survey = fly_trial(trial, field, iterations)
+    return Outcome(
+        trial, {model: scores_of(field.filtered, model, survey.samples) for model in models}
+    )
 
 
 def table(scores: Sequence[Scores]) -> FloatArray:

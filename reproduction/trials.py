@@ -1,12 +1,11 @@
 """Runs the trials behind a reproduction."""
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
+from autonomy import campaign
 from autonomy.arrays import FloatArray
-from autonomy.vehicle.config import MINIGLIDER
+from autonomy.vehicle.config import MINIGLIDER, Vehicle
 from autonomy.whatif import kernel
 from autonomy.whatif.config import ControllerChoice, TrialConfig
 from autonomy.whatif.run import Trial, fly
@@ -36,18 +35,15 @@ class Job:
 
 
 def run_jobs(jobs: Sequence[Job], report: Report) -> list[Trial]:
-    """Run trials of the Miniglider on every core, and return them in the order of the jobs."""
+    """Run trials of the Miniglider on every core or machine; return them in the jobs' order."""
     report(0.0, "compiling")
     kernel.warm_up()
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        running = [threads.submit(_run, job) for job in jobs]
-        try:
-            for done, _ in enumerate(as_completed(running), start=1):
-                report(done / len(jobs), f"trial {done} of {len(jobs)}")
-        except BaseException:
-            threads.shutdown(cancel_futures=True)
-            raise
-        return [each.result() for each in running]
+
+    def tell(done: int) -> None:
+        report(done / len(jobs), f"trial {done} of {len(jobs)}")
+
+    with campaign.opened() as spread:
+        return spread.run(_run, MINIGLIDER, jobs, on_done=tell)
 
 
 def with_actuator(scenario: TrialConfig, rate_share: float, delay_s: float) -> TrialConfig:
@@ -64,7 +60,7 @@ def with_actuator(scenario: TrialConfig, rate_share: float, delay_s: float) -> T
     return scenario.model_copy(update={"disturbance": disturbance})
 
 
-def _run(job: Job) -> Trial:
+def _run(vehicle: Vehicle, job: Job) -> Trial:
     choice = ControllerChoice(job.contender.kind, job.contender.title, job.gains)
-    references = packed_references(MINIGLIDER, job.scenario)
-    return fly(MINIGLIDER, job.scenario, choice, job.seed, references, noise=job.noise)
+    references = packed_references(vehicle, job.scenario)
+    return fly(vehicle, job.scenario, choice, job.seed, references, noise=job.noise)

@@ -19,6 +19,8 @@ _WINDOW_TRUST = 0.25
 """Weight of what the beginning says of the initial states when the whole segment is projected: a
 linear change that the beginning contradicts is not believed."""
 _REFINEMENTS = 20
+_PARTS_A_PLACE = 2
+"""So many parts of a swarm for each place of a cluster: the slowest holds up the rest less."""
 _FIRST_DAMPING = 1e-2
 
 
@@ -47,7 +49,13 @@ def costs(problem: Problem, u: FloatArray, profile: Profile, workers: Workers) -
 
     Returns:
         Mean squared weighted residual, shape ``(m,)``; near 1 at the truth.
+
+    Raises:
+        ClusterError: If the cluster went away.
     """
+    if workers.cluster is not None:
+        parts = np.array_split(u, min(len(u), _PARTS_A_PLACE * workers.cluster.places))
+        return np.concatenate(workers.cluster.run(_costs_there, (problem, profile), parts))
     packed, offsets = packed_candidates(problem.vehicle, problem.sought, u)
     found = np.empty(u.shape[0])
     layout = problem.layout
@@ -71,6 +79,13 @@ def costs(problem: Problem, u: FloatArray, profile: Profile, workers: Workers) -
 
     workers.share(run, u.shape[0])
     return np.where(found >= kernel.DIVERGED, kernel.DIVERGED, found / problem.degrees)
+
+
+def _costs_there(fit: tuple[Problem, Profile], u: FloatArray) -> FloatArray:
+    """Return the costs of some candidates on one machine of a cluster."""
+    with Workers(1) as alone:
+        problem, profile = fit
+        return costs(problem, u, profile, alone)
 
 
 def state_sensitivity(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.campaign import Cluster
 from autonomy.identification import kernel
 from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.initial import initial_guess, initial_precision
@@ -177,9 +178,15 @@ class Problem:
 
 
 class Workers:
-    """A few threads that share out candidates; who computes what does not change any number."""
+    """A few threads that share out candidates; who computes what does not change any number.
 
-    def __init__(self, threads: int) -> None:
+    Args:
+        threads: How many.
+        cluster: Where whole swarms are worked out instead.
+    """
+
+    def __init__(self, threads: int, cluster: Cluster | None = None) -> None:
+        self.cluster = cluster
         self._threads = max(threads, 1)
         self._pool = ThreadPoolExecutor(self._threads, "identify") if threads > 1 else None
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from autonomy import campaign
 from autonomy.arrays import FloatArray
 from autonomy.identification import box, kernel, least_squares, screening, swarm
 from autonomy.identification.conclusion import concluded
@@ -58,18 +59,23 @@ def identify(
         IdentificationCancelledError: With the state to resume from.
         CheckpointError: If ``resume`` belongs to another problem.
         DivergedError: If no candidate can follow the recording.
+        ClusterError: If the cluster that ``autonomy.campaign`` is told of cannot be used.
     """
     problem = replace(problem, config=config)
     log = _Log(problem, report, is_cancelled)
     seed = int(rng.integers(2**31))
     if resume is not None:
         log.read(resume)
-    with Workers(threads) as workers:
+    with campaign.opened() as spread, Workers(threads, _cluster(spread)) as workers:
         if config.method == "swarm":
             fit, point = _swarm(problem, seed, log, resume, workers)
         else:
             fit, point = _descent(problem, None, log, resume, workers)
         return concluded(fit, point, tuple(log.convergence), workers)
+
+
+def _cluster(spread: campaign.Spread) -> campaign.Cluster | None:
+    return spread if isinstance(spread, campaign.Cluster) else None
 
 
 class _Log:

@@ -1,12 +1,14 @@
 """Several controllers in one scenario on the same seeds, side by side."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 
+from autonomy import campaign
 from autonomy.arrays import FloatArray, IntArray, evenly_spread
+from autonomy.campaign import Spread
 from autonomy.current.table import FlowTable
 from autonomy.result import Result
 from autonomy.vehicle.config import Vehicle
@@ -27,13 +29,8 @@ from autonomy.whatif.work import check_work
 
 _BAND = (0.05, 0.95)
 """Quantiles over the seeds: 90 % of the runs lie between."""
-_THREADS = 2
 MOST_POINTS = 400
 """Moments that are kept of each run: 65 kB, whatever the length of the trial."""
-
-
-class TrialCancelledError(Exception):
-    """The comparison was cancelled before it was done."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,9 +124,9 @@ def compare(
     flow: FlowTable | None = None,
     report: Callable[[float, str], None] = lambda _share, _message: None,
     is_cancelled: Callable[[], bool] = lambda: False,
-    threads: int = _THREADS,
+    spread: Spread | None = None,
 ) -> Comparison:
-    """Run every controller on every seed of a scenario, some at once.
+    """Run every controller on every seed of a scenario, many at once.
 
     Args:
         vehicle: The robot, as the controllers believe it to be.
@@ -138,12 +135,14 @@ def compare(
         flow: The current by place, depth and time; that of the scenario by default.
         report: Told the share that is done and what is being done, in the caller's thread.
         is_cancelled: Asked between runs.
-        threads: Runs at once; the result does not depend on it.
+        spread: Where they are run, by default as ``autonomy.campaign`` is told; the result does
+            not depend on it.
 
     Raises:
         ValueError: If there is no controller.
         TooMuchWorkError: If it takes more steps than are worked out.
-        TrialCancelledError: If it was cancelled.
+        CampaignCancelledError: If it was cancelled.
+        ClusterError: If the cluster that is named cannot be used.
         NoSteadyGlideError: If the reference is a glide flatter than the vehicle can glide.
     """
     if not choices:
@@ -151,39 +150,27 @@ def compare(
     check_work(vehicle, config, choices)
     references = packed_references(vehicle, config)
     at = evenly_spread(len(references), MOST_POINTS)
+    runs = [(choice, seed) for seed in config.seeds for choice in choices]
 
-    def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
-        return _kept(fly(vehicle, config, choice, seed, references, flow), at)
+    def tell(done: int) -> None:
+        report(done / len(runs), f"{done} of {len(runs)} runs")
 
-    with ThreadPoolExecutor(threads) as pool:
-        jobs = [
-            [pool.submit(fly_and_keep, choice, seed) for choice in choices] for seed in config.seeds
-        ]
-        try:
-            _wait_for([job for row in jobs for job in row], report, is_cancelled)
-        finally:
-            pool.shutdown(cancel_futures=True)
-    columns = zip(*jobs, strict=True)
+    common = (vehicle, config, references, flow, at)
+    with nullcontext(spread) if spread is not None else campaign.opened() as where:
+        kept = where.run(_fly_and_keep, common, runs, on_done=tell, is_cancelled=is_cancelled)
     results = tuple(
-        ControllerResult(choice, tuple(job.result() for job in column))
-        for choice, column in zip(choices, columns, strict=True)
+        ControllerResult(choice, tuple(kept[place :: len(choices)]))
+        for place, choice in enumerate(choices)
     )
     return Comparison(vehicle, config, references[at], results)
 
 
-def _wait_for(
-    jobs: Sequence[Future[KeptRun]],
-    report: Callable[[float, str], None],
-    is_cancelled: Callable[[], bool],
-) -> None:
-    total, waiting = len(jobs), set(jobs)
-    while waiting:
-        if is_cancelled():
-            raise TrialCancelledError("the comparison was cancelled")
-        done, waiting = wait(waiting, timeout=0.2)
-        for job in done:
-            job.result()
-        report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
+def _fly_and_keep(
+    common: tuple[Vehicle, TrialConfig, FloatArray, FlowTable | None, IntArray],
+    run: tuple[ControllerChoice, int],
+) -> KeptRun:
+    vehicle, config, references, flow, at = common
+    return _kept(fly(vehicle, config, *run, references, flow), at)
 
 
 def _kept(trial: Trial, at: IntArray) -> KeptRun:

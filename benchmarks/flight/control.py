@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from autonomy.campaign import Threads
 from autonomy.control import law
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.config import BACKSTEPPING_EXPERIMENT, BACKSTEPPING_SIMULATION
@@ -129,7 +130,7 @@ def _many_dives() -> list[dict[str, Any]]:
         for _ in range(4):
             for n in range(2):
                 begin, busy = time.perf_counter(), time.process_time()
-                compare(MINIGLIDER, DIVES, [choice], threads=n + 1)
+                compare(MINIGLIDER, DIVES, [choice], spread=Threads(n + 1))
                 dives[n] = min(dives[n], time.perf_counter() - begin)
                 busy_s = min(busy_s, time.process_time() - busy)
                 begin = time.perf_counter()

@@ -9,6 +9,8 @@ import platformdirs
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from autonomy.campaign import ClusterError, check_address
+
 LINK_FOLDER = "links"
 """Folder below the data folder where the station's ends of simulated radios appear."""
 
@@ -74,6 +76,9 @@ class Settings(BaseSettings):
     """Roles by ``group:NAME``, ``email:ADDRESS`` or ``*``; whoever has none may not sign in."""
     oidc_groups_claim: str = "groups"
     """Where the provider lists somebody's groups."""
+    cluster: str = ""
+    """Where studies are worked out (``autonomy.campaign``): a Dask scheduler such as
+    ``tls://cluster.example.org:8786``, ``local`` or ``threads``; workers read it themselves."""
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
 
@@ -82,6 +87,16 @@ class Settings(BaseSettings):
     def _are_networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for network in value:
             ip_network(network)
+        return value
+
+    @field_validator("cluster")
+    @classmethod
+    def _is_a_cluster(cls, value: str) -> str:
+        if value:
+            try:
+                check_address(value)
+            except ClusterError as error:
+                raise ValueError(str(error)) from error
         return value
 
     @model_validator(mode="after")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from autonomy.campaign import ClusterError
 from autonomy.identification.problem import problem_from
 from autonomy.identification.progress import (
     CheckpointError,
@@ -47,6 +48,8 @@ def run(
         return Refusal(_sentence(error), CHECKPOINT)
     except IdentificationError as error:
         return Refusal(_sentence(error))
+    except ClusterError as error:
+        return Refusal(str(error))
 
 
 def _sentence(error: IdentificationError) -> str:

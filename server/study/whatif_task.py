@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 
+from autonomy.campaign import CampaignCancelledError, ClusterError
 from autonomy.control.feasibility import InfeasibleReferenceError
 from autonomy.whatif.check import UnfitControllerError, check_scenario
-from autonomy.whatif.comparison import TrialCancelledError, compare
+from autonomy.whatif.comparison import compare
 from autonomy.whatif.result import ComparisonResult
 from autonomy.whatif.work import TooMuchWorkError
 from server.base.study import Refusal
@@ -47,8 +48,10 @@ def run(
             report=lambda share, message: report((share, message)),
             is_cancelled=is_cancelled,
         )
-    except TrialCancelledError:
+    except CampaignCancelledError:
         return Refusal("The comparison was cancelled.")
+    except ClusterError as error:
+        return Refusal(str(error))
     return found.result(max_points=POINTS_MAX)
 
 

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from autonomy.campaign import CampaignCancelledError, Threads
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.feasibility import InfeasibleReferenceError
 from autonomy.control.trajectory import Reference
 from autonomy.current.table import FlowTable
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.whatif.check import check_scenario
-from autonomy.whatif.comparison import TrialCancelledError, compare
+from autonomy.whatif.comparison import compare
 from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
     TABLE_3_1_SAWTOOTH,
@@ -212,7 +213,7 @@ def test_a_comparison_keeps_few_rows_of_a_long_trial_and_lets_go_of_the_rest():
 
 
 def test_a_comparison_can_be_cancelled():
-    with pytest.raises(TrialCancelledError):
+    with pytest.raises(CampaignCancelledError):
         compare(MINIGLIDER, changed(SHORT, runs=3), [choice("pid")], is_cancelled=lambda: True)
 
 
@@ -241,8 +242,10 @@ def test_a_scenario_that_cannot_be_run_is_refused(wrong):
 def test_many_runs_give_what_single_trials_give_on_any_number_of_threads():
     config = changed(SHORT, runs=4, disturbance=DisturbanceConfig(parameter_error=0.1))
     many = [
-        compare(MINIGLIDER, config, [choice("backstepping")], threads=threads).results[0].runs
-        for threads in (1, 2)
+        compare(MINIGLIDER, config, [choice("backstepping")], spread=Threads(places))
+        .results[0]
+        .runs
+        for places in (1, 2)
     ]
     for alone, together, seed in zip(*many, config.seeds, strict=True):
         single = run_trial(MINIGLIDER, config, choice("backstepping"), seed)
