@@ -66,6 +66,7 @@ AREAS = {
     "design_page": "benchmarks.station.design_page",
     "stored": "benchmarks.station.stored",
     "samples": "benchmarks.station.samples",
+    "large": "benchmarks.station.large",
     "decisions": "benchmarks.station.decisions",
     "delivery": "benchmarks.station.delivery",
     "replay": "benchmarks.station.replay",

@@ -14,6 +14,7 @@ from db.fault import UnknownIdError
 from db.onboard_tables import ActuatorReportRow
 from db.query.camera.fixes import FixRecord, fix_columns
 from db.sample_ingest import NewReading, NewSample, insert_readings, insert_samples, upsert
+from db.state_sums import sum_up_late
 from db.tables import Base, PlanQueueRow, PlanReportRow, RawFrameRow, Robot, StateRow
 from db.tag_tables import DetectionRow, ReceiverReportRow
 from db.target_tables import TargetReportRow
@@ -73,6 +74,9 @@ def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
                 rows.setdefault(table, []).append(row if key is None else row | {"robot_key": key})
     for table, batch in rows.items():
         insert_new(session, table, batch)
+        if table is StateRow:
+            times = [row["measured_at"] for row in batch]
+            sum_up_late(session, [row["robot_key"] for row in batch], times)
     if samples:
         insert_samples(session, samples)
     if readings:

@@ -139,6 +139,8 @@ class Catalogue:
         """Those that travel and are kept."""
         self.keys = tuple(row.key for row in self.channels)
         """Their names."""
+        self.norms = tuple(row.key for row in self._norms.values())
+        """Names of those that are computed: the lengths of others."""
         self._by_key = {row.key: row for row in (*self.channels, *self._norms.values())}
         gauges = ((row.key, row.gauge) for row in self._by_key.values() if row.gauge is not None)
         self.gauges = dict(sorted(gauges, key=lambda pair: pair[1].place))

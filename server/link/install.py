@@ -27,6 +27,7 @@ from server.link.radios import LinkFactory, Radios
 from server.link.ranging import Ranging
 from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
+from server.link.state_sums import StateSums
 from server.link.trial_route import LinkTrials
 from server.link.waypoints import Waypoints
 
@@ -143,3 +144,4 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
     foundation.lifetime.on_start(start)
     foundation.lifetime.run("derived channels", derived.run)
     foundation.lifetime.run("radio", radios.run)
+    foundation.lifetime.run("sums of reports", StateSums(foundation).run)

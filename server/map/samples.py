@@ -46,9 +46,10 @@ def map_columns(
 ) -> SampleColumns:
     """Return what robots measured of a channel in deployments, without values it cannot have.
 
-    What none of them measured is derived, where that can be.
+    What none of them measured is derived, where that can be. Of very many an even part is taken:
+    a map keeps no more, and none would be made of months in the memory of a station.
     """
-    columns = sample_columns(session, robots, channel.key, within=within)
+    columns = sample_columns(session, robots, channel.key, within=within, thins=True)
     if not len(columns) and channel.key in DERIVED:
         derived = derived_columns(session, robots, channel.key)
         columns = derived.chosen(_taken_in(derived, robots, within))

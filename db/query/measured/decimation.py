@@ -19,8 +19,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from db.query.measured.rollup import SECOND_US, Piece, pieces
-from db.sample_tables import COARSE_S, FINE_S, ReadingRollup, SampleRollup
+from db.query.measured.rollup import SECOND_US, AnyRollup, Piece, pieces
+from db.sample_tables import COARSE_S, FINE_S
 
 READ_ROWS_MAX = 150_000
 """Rows of which the extremes are found by reading all."""
@@ -37,10 +37,14 @@ class Series:
     where: tuple[ColumnElement[bool], ...]
     beside: tuple[SQLColumnExpression[Any], ...] = ()
     """Further columns to return with each row."""
-    rollup: type[SampleRollup | ReadingRollup] | None = None
+    rollup: type[AnyRollup] | None = None
     """Where stretches of these values are summed up, if they are."""
     of_rollup: tuple[ColumnElement[bool], ...] = ()
     """What selects those of this series."""
+    lengths_s: tuple[int, ...] = (COARSE_S, FINE_S)
+    """Lengths of the stretches that are summed up, descending."""
+    summed_until_us: int | None = None
+    """From when on nothing is summed up; ``None`` where everything is."""
 
 
 def thinned_rows(
@@ -86,6 +90,19 @@ def thinned_rows(
     return _drivers_rows(session, chosen), True
 
 
+def spread_moments(
+    session: Session, series: Series, begin: int, last: int, count: int
+) -> list[int]:
+    """Return the first and the last moment of each of ``count`` equal intervals, in order, us.
+
+    Each is one look into the table's order, however many rows there are.
+    """
+    at = type_coerce(series.at, BigInteger)
+    width = (last - begin) // count + 1
+    reading = _Reading(at, at, at, at, at, series.where)
+    return sorted(_extremes(session, reading, begin, last + 1, width))
+
+
 def _drivers_rows(session: Session, statement: Executable) -> Sequence[tuple[Any, ...]]:
     """Return plain tuples: wrapping twenty thousand rows takes longer than reading them."""
     with session.connection().execute(statement) as found:
@@ -115,7 +132,7 @@ def _extreme_moments(
 def _summed_extreme_moments(
     session: Session,
     series: Series,
-    rollup: type[SampleRollup | ReadingRollup],
+    rollup: type[AnyRollup],
     first: int,
     last: int,
     intervals: int,
@@ -123,8 +140,15 @@ def _summed_extreme_moments(
     """Return moments of extremes by whole stretches, and row by row before and after them."""
     found: set[int] = set()
     wanted_us = (last - first) // intervals + 1
-    lengths_s = (COARSE_S, FINE_S) if wanted_us > COARSE_S * SECOND_US else (FINE_S,)
-    for piece in pieces(first, last + 1, lengths_s):
+    lengths_s = tuple(
+        one for one in series.lengths_s if one == FINE_S or one * SECOND_US < wanted_us
+    )
+    until_us = last + 1 if series.summed_until_us is None else series.summed_until_us
+    begin_us = max(first, until_us)
+    if begin_us <= last:
+        count = -(-(last + 1 - begin_us) // wanted_us)
+        found |= _extreme_moments(session, series, begin_us, last, count)
+    for piece in pieces(first, min(last + 1, until_us), lengths_s):
         if not piece.length_s:
             found |= _extreme_moments(session, series, piece.begin_us, piece.end_us - 1, 1)
             continue

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +22,7 @@ from db.sample_tables import (
     SampleRow,
     SampleRun,
 )
+from db.state_sums import sum_up_late
 from db.tables import STATE_CHANNELS, Deployment, Event, StateRow
 from robot_link.messages import STATE
 
@@ -216,11 +218,13 @@ def add_states(
     received_at = moment(received_us)
     for begin in range(0, len(rows), BATCH_ROWS):
         go_on()
-        insert_new(
-            session,
-            StateRow,
-            [_state(robot_key, row, received_at) for row in rows[begin : begin + BATCH_ROWS]],
-        )
+        states = [_state(robot_key, row, received_at) for row in rows[begin : begin + BATCH_ROWS]]
+        insert_new(session, StateRow, states)
+        _sum_up(session, robot_key, [state["measured_at"] for state in states])
+
+
+def _sum_up(session: Session, robot_key: int, times: Sequence[datetime]) -> None:
+    sum_up_late(session, [robot_key] * len(times), times)
 
 
 def _state(robot_key: int, row: Mapping[str, Any], received_at: Any) -> dict[str, Any]:  # noqa: ANN401 - a moment
@@ -254,6 +258,7 @@ def complete_states(
         .values({key: func.coalesce(of[key], bindparam(f"{key}_told")) for key in keys}),
         [{"at": row["at"], **{f"{key}_told": row[key] for key in keys}} for row in known],
     )
+    _sum_up(session, robot_key, [moment(at) for at, _ in rows])
 
 
 @dataclass(frozen=True, slots=True)

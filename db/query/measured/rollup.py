@@ -17,8 +17,10 @@ from db.sample_tables import (
     SampleRollup,
     SampleRow,
 )
+from db.state_sums import StateRollup
 
 SECOND_US = 1_000_000
+AnyRollup = SampleRollup | ReadingRollup | StateRollup
 _FAR_US = 50_000_000 * COARSE_S * SECOND_US
 """Whole stretches from the epoch, and beyond every sample."""
 
@@ -33,7 +35,7 @@ class Piece:
     end_us: int
     """Not included."""
 
-    def holds(self, rollup: type[SampleRollup | ReadingRollup]) -> list[ColumnElement[bool]]:
+    def holds(self, rollup: type[AnyRollup]) -> list[ColumnElement[bool]]:
         """Return what holds for the stretches of this piece."""
         length_us = self.length_s * SECOND_US
         return [

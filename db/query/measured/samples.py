@@ -25,6 +25,7 @@ from db.deployment_span import LiveSpan, live_spans
 from db.identity import key_of
 from db.map_tables import SmoothedSample
 from db.query.fleet.robots import robot_key
+from db.query.measured.decimation import Series, spread_moments
 from db.query.measured.rollup import counts
 from db.sample_tables import ChannelRow, ReadingRow, SampleLog, SampleRow
 from robot_link.messages import LogId, RobotId, Sample
@@ -32,6 +33,8 @@ from robot_link.report import Reading
 
 _UNITS = np.array([1e3, 1e3, 1e3, 1e6, 1e3, 1e3, 1e3, 1e6, 1.0])
 """What a row holds of two places with their uncertainties, of a metre, and the value."""
+MANY, THINNED = 200_000, 20_000
+"""Samples that are read as they are, and how many are chosen of more than that."""
 _ROWS_AT_ONCE = 10_000
 """Rows that are held as such: as arrays they take a tenth of the memory."""
 
@@ -80,6 +83,7 @@ def sample_columns(
     end: datetime | None = None,
     log: int | None = None,
     within: Mapping[str, LiveSpan] | None = None,
+    thins: bool = False,
 ) -> SampleColumns:
     """Return the measurements of one variable, both ends of the time range included.
 
@@ -93,6 +97,8 @@ def sample_columns(
         log: Only those of this log.
         within: Only those of these deployments, by id of the robot; of a robot that has none here
             no sample.
+        thins: Whether more than ``MANY`` of these deployments become ``THINNED`` at most, evenly
+            spread over their time.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -106,11 +112,10 @@ def sample_columns(
         .order_by(SampleRow.measured_at, SampleRow.robot_key, SampleLog.log, SampleRow.sequence)
     )
     if within is not None:
-        spans = [
-            _in_span(key, within[name])
-            for key, name in zip(keys, named, strict=True)
-            if name in within
-        ]
+        taken = {key: within[name] for key, name in zip(keys, named, strict=True) if name in within}
+        spans = [_in_span(key, span) for key, span in taken.items()]
+        if thins:
+            spans = _thinned(session, taken, variable) or spans
         statement = statement.where(or_(false(), *spans))
     numbers, names = _arrays(session, statement)
     order = np.argsort(keys)
@@ -156,6 +161,32 @@ def _in_span(key: int, span: LiveSpan) -> ColumnElement[bool]:
     """Return what holds for samples that a robot took in a deployment."""
     begun = and_(SampleRow.robot_key == key, SampleRow.measured_at >= span.started_at)
     return begun if span.ended_at is None else and_(begun, SampleRow.measured_at < span.ended_at)
+
+
+def _thinned(
+    session: Session, taken: Mapping[int, LiveSpan], variable: str
+) -> list[ColumnElement[bool]]:
+    """Return what holds for an even part of very many samples; nothing where they are few."""
+    number = {
+        key: counts(session, SampleRow, key, span.started_at, span.ended_at).get(variable, 0)
+        for key, span in taken.items()
+    }
+    total = sum(number.values())
+    if total <= MANY:
+        return []
+    spread: list[ColumnElement[bool]] = []
+    for key, span in taken.items():
+        mine = (SampleRow.robot_key == key, SampleRow.channel_key == channel_key(variable))
+        at = type_coerce(SampleRow.measured_at, BigInteger)
+        within = select(at).where(*mine, _in_span(key, span)).limit(1)
+        first = session.scalar(within.order_by(at))
+        last = session.scalar(within.order_by(at.desc()))
+        if first is not None and last is not None:
+            pairs = max(1, THINNED * number[key] // total // 2)
+            series = Series(SampleRow.measured_at, SampleRow.value, mine)
+            chosen = spread_moments(session, series, first, last, pairs)
+            spread.append(and_(SampleRow.robot_key == key, at.in_(chosen)))
+    return spread
 
 
 def is_smoothed() -> ColumnElement[bool]:

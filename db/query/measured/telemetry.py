@@ -19,7 +19,8 @@ from db.query.measured.decimation import Series, thinned_rows
 from db.query.measured.sample_places import sample_series
 from db.query.measured.samples import channel_key
 from db.record import same
-from db.sample_tables import ReadingRollup, ReadingRow
+from db.sample_tables import FINE_S, ReadingRollup, ReadingRow
+from db.state_sums import PLACE, StateRollup, summed_until_us
 from db.tables import STATE_CHANNELS, PlanQueueRow, PlanReportRow, StateRow
 from robot_link.messages import (
     STATE,
@@ -234,6 +235,7 @@ def history(
             columns[0] if parts is None else squares,
             (StateRow.robot_key == key, columns[-1].is_not(None), columns[-1] < math.inf),
             (type_coerce(StateRow.received_at, BigInteger),),
+            **_sums(session, key, channel),
         )
     else:
         series = sample_series(key, channel)
@@ -336,11 +338,12 @@ def track(
     Raises:
         UnknownIdError: If there is no such robot.
     """
+    key = robot_key(session, robot)
     series = Series(
         StateRow.measured_at,
         StateRow.depth_m,
         (
-            StateRow.robot_key == robot_key(session, robot),
+            StateRow.robot_key == key,
             StateRow.north_m.is_not(None),
             StateRow.depth_m.is_not(None),
         ),
@@ -352,6 +355,7 @@ def track(
             StateRow.mode,
             type_coerce(StateRow.received_at, BigInteger),
         ),
+        **_sums(session, key, PLACE),
     )
     rows, decimated = thinned_rows(session, series, start, end, max_points)
     numbers = np.array(rows, dtype=np.float64).reshape(-1, 8)
@@ -364,6 +368,20 @@ def track(
         received_us=numbers[:, 7],
         decimated=decimated,
     )
+
+
+def _sums(session: Session, robot_key: int, channel: str) -> dict[str, Any]:
+    """Return how a series of state reports is summed up, as fields of ``Series``."""
+    until_us = summed_until_us(session, robot_key)
+    if until_us is None:
+        return {}
+    of_series = (StateRollup.robot_key == robot_key, StateRollup.channel == channel)
+    return {
+        "rollup": StateRollup,
+        "of_rollup": of_series,
+        "lengths_s": (FINE_S,),
+        "summed_until_us": until_us,
+    }
 
 
 def _report(row: StateRow, robot: str) -> StateReport:
