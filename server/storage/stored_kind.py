@@ -20,7 +20,9 @@ class StoredKind:
 
 STORED_KINDS: Final = (
     StoredKind("raw", "Raw bytes of links", ("raw_frame",), "at"),
-    StoredKind("states", "State reports", ("state_report",), "measured_at"),
+    StoredKind(
+        "states", "State reports", ("state_report", "state_rollup", "state_summed"), "measured_at"
+    ),
     StoredKind(
         "samples",
         "Samples",
