@@ -57,6 +57,8 @@ AREAS = {
     "alarm": "benchmarks.station.alarm",
     "flood": "benchmarks.station.flood",
     "telemetry": "benchmarks.station.telemetry",
+    "viewers": "benchmarks.station.viewers",
+    "busy": "benchmarks.station.busy",
     "radio": "benchmarks.link.radio",
     "drive": "benchmarks.link.drive",
     "ingest": "benchmarks.station.ingest",

@@ -63,7 +63,7 @@ def measure() -> list[dict[str, Any]]:
         NotMeasuredError: If the station does not come back.
     """
     with tempfile.TemporaryDirectory() as name:
-        flood = _Flood(Path(name), _free_ports(ROBOTS + 1))
+        flood = _Flood(Path(name), free_ports(ROBOTS + 1))
         if CHROMIUM is None:
             flood.run(lambda: None, lambda: time.sleep(0.2))
             return flood.rows(None)
@@ -230,7 +230,7 @@ def _talking(ports: list[int]) -> Iterator[None]:
         thread.join()
 
 
-def _free_ports(count: int) -> list[int]:
+def free_ports(count: int) -> list[int]:
     """Return ports that nobody has now, the first of TCP and the others of UDP."""
     kinds = [socket.SOCK_STREAM, *[socket.SOCK_DGRAM] * (count - 1)]
     sockets = [socket.socket(socket.AF_INET, kind) for kind in kinds]

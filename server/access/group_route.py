@@ -8,7 +8,7 @@ from pydantic import Field
 
 from db.query.station.grants import list_groups
 from server.access import register
-from server.access.dependency import Admin
+from server.access.dependency import Admin, Viewer
 from server.base.dependency import ClockDep, StoreDep
 from server.base.text import NAME_LENGTH_MAX
 from server.base.view import Body, View
@@ -43,11 +43,18 @@ class GroupsView(View):
 
 
 @router.get("")
-async def get_groups(caller: Admin, store: StoreDep) -> GroupsView:
-    """Return every group of robots."""
-    del caller
+async def get_groups(caller: Viewer, store: StoreDep) -> GroupsView:
+    """Return every group of robots with those that the caller sees; groups of others are not told.
+
+    An administrator sees empty groups too.
+    """
     groups = await store.query(list_groups)
-    return GroupsView([GroupView(group.name, list(group.robots)) for group in groups])
+    seen = [
+        GroupView(group.name, [robot for robot in group.robots if caller.rights.sees(robot)])
+        for group in groups
+    ]
+    is_whole = caller.rights.robots is None
+    return GroupsView([group for group in seen if group.robots or is_whole])
 
 
 @router.put("/{group}", status_code=204)

@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from operator import itemgetter
 from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -83,6 +84,28 @@ class ConfigurationBook:
         """
         found = find_kind(kind)
         return await self._store.query(lambda session: current(session, found, robot))
+
+    async def newest_of(self, kind: str, robots: Sequence[str]) -> CurrentConfiguration:
+        """Return, of the values that hold for some robots, the one that was saved last.
+
+        Where none was saved it is the preset of the first. Robots without a version of their own
+        are alike, so that one of them stands for all.
+
+        Raises:
+            Problem: 404 if there is no such kind.
+            UnknownIdError: If there is no such robot.
+        """
+        found = find_kind(kind)
+
+        def read(session: Session) -> CurrentConfiguration:
+            own = query.robots_with_own(session, kind)
+            others = [robot for robot in robots if robot not in own][:1]
+            asked = [*others, *(robot for robot in robots if robot in own)]
+            held = [current(session, found, robot) for robot in asked]
+            saved = [(one.changed_at, one) for one in held if one.changed_at is not None]
+            return max(saved, key=itemgetter(0))[1] if saved else held[0]
+
+        return await self._store.query(read)
 
     async def merged(
         self, kind: str, robot: str | None, patch: Mapping[str, Any]

@@ -55,6 +55,8 @@ class Services:
             raise LookupError(f"no {kind.__name__} is installed") from None
 
 
+PLANNING_NICENESS = 5
+"""Planning and fits of maps give way to the station itself, which must answer meanwhile."""
 STUDY_NICENESS = 10
 """What-if runs and identifications give way to the planner and to the station itself."""
 _ALARM_TASK = "alarm about"
@@ -111,7 +113,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     stack.push_async_callback(background.stop)
     jobs = JobBoard(store, clock, bus)
     stack.push_async_callback(jobs.stop)
-    workers = WorkerPool(settings.worker_processes)
+    workers = WorkerPool(settings.worker_processes, niceness=PLANNING_NICENESS)
     study_workers = WorkerPool(settings.worker_processes, niceness=STUDY_NICENESS)
     stack.push_async_callback(workers.stop)
     stack.push_async_callback(study_workers.stop)

@@ -12,7 +12,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
-from operator import itemgetter
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -229,11 +228,8 @@ class Currents:
 
     async def _config(self, record: RobotRecord) -> CurrentMapConfig:
         """Return the settings of a water: the newest that was saved for any of its robots."""
-        book = self._foundation.configurations
         robots = await self._store.query(lambda session: site_robots(session, record.id))
-        found = [await book.current(KIND, one) for one in robots]
-        saved = [(one.changed_at, one) for one in found if one.changed_at is not None]
-        _, newest = max(saved, key=itemgetter(0), default=(None, found[0]))
+        newest = await self._foundation.configurations.newest_of(KIND, robots)
         return newest.value_as(CurrentMapConfig)
 
     async def _made(

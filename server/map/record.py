@@ -108,17 +108,16 @@ def newest_comparison(
     session: Session, robots: Iterable[str], channel: Channel
 ) -> Comparison | None:
     """Return the newest comparison of a channel that was kept for any of some robots."""
-    kept = [
+    kept = (
         record
-        for robot in robots
-        for record in query.list_studies(session, _COMPARISON, robot)
+        for record in query.newest_studies(session, _COMPARISON, list(robots))
         if record.asked["variable"] == channel.key
-    ]
-    if not kept:
+    )
+    newest = next(kept, None)
+    if newest is None:
         return None
-    newest = max(kept, key=lambda one: one.created_at).id
-    record = query.get_study(session, _COMPARISON, newest)
-    packed = query.get_arrays(session, _COMPARISON, newest)
+    record = query.get_study(session, _COMPARISON, newest.id)
+    packed = query.get_arrays(session, _COMPARISON, newest.id)
     found = KeptComparison.model_validate(record.result)
     return _comparison_of(record.created_at, channel, found, _unpacked(packed or b""))
 

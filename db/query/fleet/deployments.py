@@ -16,7 +16,7 @@ from db.deployment_span import LiveSpan, Period, live_spans
 from db.fault import StoreError
 from db.identity import key_of, public_id
 from db.query.change import row_and_robot
-from db.query.fleet.robots import get_robot, robot_key
+from db.query.fleet.robots import get_robot, robot_key, robot_keys
 from db.record import same
 from db.tables import Deployment, Robot
 
@@ -190,8 +190,9 @@ def joint_spans(session: Session, robots: Sequence[str]) -> dict[str, LiveSpan]:
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    newest = {robot: newest_span(session, robot) for robot in robots}
-    spans = {robot: span for robot, span in newest.items() if span is not None}
+    keys = robot_keys(session, robots)
+    found = live_spans(session, list(keys.values()))
+    spans = {robot: found[key][0] for robot, key in keys.items() if found.get(key)}
     if not spans:
         return {}
     lasting = [span for span in spans.values() if span.ended_at is None]

@@ -1,6 +1,6 @@
 """The fleet."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal, cast
@@ -216,6 +216,20 @@ def robot_key(session: Session, robot: str) -> int:
     if key is None:
         raise UnknownIdError("robot", robot)
     return key
+
+
+def robot_keys(session: Session, robots: Collection[str]) -> dict[str, int]:
+    """Return the database's keys of robots, in their order.
+
+    Raises:
+        UnknownIdError: If there is none of an id.
+    """
+    rows = session.execute(select(Robot.id, Robot.key).where(Robot.id.in_(robots)))
+    known = {robot: key for robot, key in rows}  # noqa: C416 - rows are no pairs to the checker
+    for robot in robots:
+        if robot not in known:
+            raise UnknownIdError("robot", robot)
+    return {robot: known[robot] for robot in robots}
 
 
 def _refuse_taken(

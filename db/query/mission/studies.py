@@ -4,7 +4,7 @@ The public id of a study is its kind with a number that counts that kind alone: 
 documents are those of its kind; no query looks into them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -261,6 +261,20 @@ def list_studies(
     if before is not None:
         statement = statement.where(Study.number < key_of(kind, before))
     return [_record(row, robot, None) for row in session.scalars(statement)]
+
+
+def newest_studies(
+    session: Session, kind: str, robots: Collection[str], *, limit: int = 1000
+) -> list[StudyRecord]:
+    """Return the studies of some robots without their results, the newest first."""
+    statement = (
+        select(Study, Robot.id)
+        .join(Robot, Study.robot_key == Robot.key)
+        .where(Robot.id.in_(robots), Study.kind == kind)
+        .order_by(Study.created_at.desc())
+        .limit(limit)
+    )
+    return [_record(row, robot, None) for row, robot in session.execute(statement)]
 
 
 def used_studies(session: Session, kind: str) -> list[StudyRecord]:

@@ -73,6 +73,17 @@ def newest_configuration(
     return None if row is None else _record(row, robot)
 
 
+def robots_with_own(session: Session, kind: str) -> frozenset[str]:
+    """Return the robots for which a version of a kind was saved."""
+    found = session.scalars(
+        select(Robot.id)
+        .join(Configuration, Configuration.robot_key == Robot.key)
+        .where(Configuration.kind == kind)
+        .distinct()
+    )
+    return frozenset(found)
+
+
 def get_configuration(session: Session, configuration: str) -> ConfigurationRecord:
     """Return one version, however old.
 

@@ -42,6 +42,10 @@ async def test_group_gives_a_right_on_whoever_is_in_it_now(client: StationClient
     await client.put("/api/groups/lake", json={"robots": [MINI]})
     ben = await person(client, "ben", "none", grants=[{"group": "lake", "role": "pilot"}])
     assert await fleet_of(ben) == {MINI}
+    await client.put("/api/groups/tank", json={"robots": [GRACE]})
+    told = (await ben.get("/api/groups")).json()["groups"]
+    assert told == [{"name": "lake", "robots": [MINI]}], "nobody hears of robots of others"
+    await client.delete("/api/groups/tank")
     session = (await ben.get("/api/session")).json()
     assert (session["role"], session["robots"]) == ("none", {MINI: "pilot"})
     await client.put("/api/groups/lake", json={"robots": [GRACE], "seen": [MINI]})

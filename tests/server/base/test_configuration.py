@@ -237,3 +237,20 @@ def test_presets_of_a_robot_follow_its_water():
     preset = KINDS["field"].preset
     for robot, site in ((robot_record(), TANK), (robot_record("grace-1", 2), LAKE)):
         assert preset(robot, robot.model).model_dump()["variable"] == site.variable
+
+
+async def test_of_what_holds_for_several_robots_the_newest_that_was_saved_is_taken(app):
+    foundation = app.state.foundation
+    book, robots = foundation.configurations, ["mini-1", "mini-2", "mini-3"]
+    for number in (2, 3):
+        record = robot_record(f"mini-{number}", number)
+        await foundation.store.write(lambda session, one=record: add_robot(session, one))
+    first = await book.current("planner", "mini-1")
+    assert (await book.newest_of("planner", robots)).value == first.value
+    saved = ((None, 3), ("mini-2", 4), ("mini-1", 5), (None, 6), ("mini-2", 7))
+    for robot, seed in saved:
+        await book.patch("planner", robot, {"seed": seed}, by="ann")
+        assert (await book.newest_of("planner", robots)).value.seed == seed
+    await book.patch("planner", "mini-1", {"seed": 8}, by="ann")
+    assert (await book.newest_of("planner", ["mini-3"])).value.seed == 6
+    assert (await book.newest_of("planner", ["mini-2", "mini-3"])).value.seed == 7

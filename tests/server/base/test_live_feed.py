@@ -13,7 +13,7 @@ from robot_link.clock import SystemClock
 from server.base.event_bus import EventBus, EventLogged, JobChanged
 from server.base.event_log import EventLog
 from server.base.job import JobBoard
-from server.base.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
+from server.base.live_feed import AT_FULL_RATE, EVENTS_IN_MEMORY, QUIET_S, TICK_S, LiveFeed
 from tests.server.conftest import until
 
 
@@ -292,3 +292,33 @@ async def test_a_part_that_cannot_be_shown_silences_no_other(feed):
     feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
     await client.until(lambda: any(batch["robots"] for batch in client.batches))
     assert all(not batch["missions"] for batch in client.batches)
+
+
+async def test_a_hundred_alike_get_one_text_and_one_who_does_not_read_holds_up_nobody(feed):
+    assert feed.tick_s == TICK_S
+    count = 2 * AT_FULL_RATE
+    got = [[] for _ in range(count)]
+    stalled = Client(feed)
+    stalled.free.clear()
+    await stalled.until(lambda: stalled.batches)
+
+    def reader(texts):
+        async def take(text):
+            texts.append(text)
+
+        return take
+
+    tasks = [asyncio.create_task(feed.follow(reader(texts), None, None)) for texts in got]
+    await until(lambda: all(got))
+    feed.put("robots", "mini-1", lambda: {"depth_m": 2.0}, "mini-1")
+    await until(lambda: all('"depth_m":2.0' in texts[-1] for texts in got))
+    assert len({id(texts[-1]) for texts in got}) == 1
+    assert feed.tick_s == pytest.approx(TICK_S * (count + 1) / AT_FULL_RATE)
+    assert len(stalled.batches) == 1
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    assert feed.tick_s == TICK_S
+    stalled.free.set()
+    await stalled.until(lambda: len(stalled.batches) > 1)
+    assert stalled.batches[-1]["robots"]["mini-1"] == {"depth_m": 2.0}
