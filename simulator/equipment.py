@@ -116,8 +116,9 @@ async def equipped(
 
         if definition.imei:
             line = device_path("satellite")
-            modem = Modem9602(definition.imei, network, lambda: Place(*body.place_deg))
-            await stack.enter_async_context(modem.pty(line))
+            if not settings.has_modems_elsewhere:
+                modem = Modem9602(definition.imei, network, lambda: Place(*body.place_deg))
+                await stack.enter_async_context(modem.pty(line))
             satellite = SatelliteNode(Driver9602.at(line))
             await serve(satellite.server, satellite.run())
         if definition.clock is not None:

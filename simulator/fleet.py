@@ -1,6 +1,7 @@
 """The robots of the simulation: what they are, where they float, and how good they are."""
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -242,6 +243,7 @@ _KINDS = {"miniglider": "mini", "grace3": "grace", "sub": "sub"}
 _FIRST_SYSTEM = {"mini": 20, "grace": 80, "sub": 140}
 """System ids of the robots beyond those that are written out above begin behind these."""
 _KIND_MAX = 50
+_SEVERAL = re.compile(r"(?P<prefix>mini|grace|sub)-(?P<first>\d{1,3})\.\.(?P<last>\d{1,3})")
 _LEAST_FLOOR_M = 0.5
 
 
@@ -286,12 +288,12 @@ DEMO_ROBOTS: tuple[RobotId, ...] = (*USUAL_ROBOTS, SUB_1.robot)
 
 
 def robots_named(names: Iterable[str]) -> tuple[RobotId, ...]:
-    """Return robots by their names, each once; ``miniglider:3`` names the first three of a kind.
+    """Return robots by their names, each once; words for several are those of ``expanded``.
 
     Raises:
         ValueError: If there is no robot of a name, or none is named; the sentence lists all.
     """
-    wanted = tuple(dict.fromkeys(RobotId(one) for name in names for one in _counted(name)))
+    wanted = tuple(map(RobotId, expanded(names)))
     unknown = [name for name in wanted if name not in SUBS and not is_known(name)]
     if unknown or not wanted:
         known = ", ".join((*FLEET, *SUBS))
@@ -323,12 +325,36 @@ def sub_definition(robot: str) -> SubDefinition:
     )
 
 
+def expanded(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the robots that the words of a list name, each once, whether there are such or not.
+
+    A word is a name, the first so many of a kind (``miniglider:3``), or several of one prefix
+    (``mini-4..9``).
+    """
+    return tuple(dict.fromkeys(one for name in names for one in _counted(name)))
+
+
+def fleet_of(count: int) -> tuple[RobotId, ...]:
+    """Return so many robots, in equal parts Minigliders in the tank and GRACEs in the lake.
+
+    Raises:
+        ValueError: If so many of a kind do not exist.
+    """
+    if not 1 <= count <= 2 * _KIND_MAX:
+        raise ValueError(f"{count} robots; there are 1 to {2 * _KIND_MAX}")
+    return robots_named([f"mini-1..{(count + 1) // 2}", f"grace-1..{count // 2}"][: min(count, 2)])
+
+
 def _counted(name: str) -> Iterable[str]:
-    """Return the robots that one word of a list names: itself, or the first so many of a kind."""
+    """Return the robots that one word of a list names."""
     kind, colon, count = name.partition(":")
-    if not colon or kind not in _KINDS or not count.isdecimal():
+    if colon and kind in _KINDS and count.isdecimal():
+        return (f"{_KINDS[kind]}-{number}" for number in range(1, int(count) + 1))
+    several = _SEVERAL.fullmatch(name)
+    if several is None:
         return (name,)
-    return (f"{_KINDS[kind]}-{number}" for number in range(1, int(count) + 1))
+    first, last = int(several["first"]), int(several["last"])
+    return (f"{several['prefix']}-{number}" for number in range(first, last + 1))
 
 
 def is_known(name: str) -> bool:

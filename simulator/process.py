@@ -4,7 +4,7 @@ import asyncio
 import logging
 import os
 import random
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from simulator.iridium.subscriber import Account
 from simulator.life import BareBody, WholeRobot, live
 from simulator.robot import SimulatedBody, SimulatedRobot
 from simulator.settings import GatewaySettings, SimulatorSettings
+from simulator.shard import SKY, dealt, modems, publish_sky, shards_of
 from simulator.sub.endpoint import SubVehicle
 from simulator.until_told import run_until_told
 from simulator.xbee_network import XBeeNetwork
@@ -96,35 +97,63 @@ def run(settings: SimulatorSettings, tell: FaultTeller = only_log) -> None:
 
 
 async def serve(
-    settings: SimulatorSettings, stopped: asyncio.Event, tell: FaultTeller = only_log
+    settings: SimulatorSettings,
+    stopped: asyncio.Event,
+    tell: FaultTeller = only_log,
+    opened: Callable[[NodeAddress], None] = lambda _: None,
 ) -> None:
     """Simulate on this event loop until ``stopped`` is set, or the parent process is gone.
+
+    Args:
+        settings: What to simulate.
+        stopped: Set by whoever wants it to end.
+        tell: Told of each fault as it comes.
+        opened: Told once where the fault desk is.
 
     Raises:
         ExceptionGroup: If a robot or a link failed.
     """
     bodies: dict[str, SimulatedBody] = {}  # by the number of a satellite modem
-    network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_satellite)
-    desk = FaultDesk(settings.clock(), tell)
+    here, away = dealt(settings)
+    shards = shards_of(settings, away)
+
+    def in_view(imei: str) -> bool:
+        if imei in bodies:
+            return bodies[imei].has_satellite
+        return any(imei in shard.sky and shard.sky[imei].in_view for shard in shards)
+
+    network = satellites(settings, in_view)
+    desk = FaultDesk(settings.clock(), tell, (SKY,))
     async with (
         gateway(settings.gateway, network),
-        desk.server.serve(NodeAddress(port=settings.desk_port or 0)),
+        desk.server.serve(NodeAddress(port=settings.desk_port or 0)) as found,
         _cameras(settings, desk) as tank,
+        modems(shards, settings, network),
         asyncio.TaskGroup() as group,
     ):
         tasks: list[asyncio.Task[None]] = []
+
+        def begin(work: Coroutine[None, None, None], name: str) -> None:
+            tasks.append(group.create_task(work, name=name))
+
         if settings.parent_pid is not None:
-            watch = _watch(settings.parent_pid, stopped)
-            tasks.append(group.create_task(watch, name="parent watch"))
-        tasks.append(group.create_task(desk.run(), name="faults"))
-        for name in settings.robots:
+            begin(_watch(settings.parent_pid, stopped), "parent watch")
+        begin(desk.run(), "faults")
+        if settings.has_modems_elsewhere:
+            begin(publish_sky(desk.server, bodies), "sky")
+        for number, shard in enumerate(shards, 1):
+            begin(shard.live(desk), f"shard {number}")
+        for name in here:
             if is_sub(name):
                 life = _sub(settings, name, desk)
             else:
                 live_as = _whole if settings.has_programs else _bare
                 life = live_as(settings, settings.definition(name), network, bodies, desk, tank)
-            tasks.append(group.create_task(life, name=f"{name} life"))
-        _log.info("simulating %s at speed %g", ", ".join(settings.robots), settings.speed)
+            begin(life, f"{name} life")
+        opened(found)
+        processes = f" in {len(shards)} more processes" if shards else ""
+        robots = ", ".join(settings.robots)
+        _log.info("simulating %s at speed %g%s", robots, settings.speed, processes)
         await stopped.wait()
         for task in tasks:
             task.cancel()

@@ -98,6 +98,11 @@ class SimulatorSettings(Configuration):
     """Part of the sounds that are heard and not understood."""
     acoustic_outliers: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Part of the ranges that are those of an echo."""
+    processes: int | None = Field(default=None, ge=1, le=64)
+    """In how many processes the robots live; by default a few live in one, and more in as many as
+    there are cores (``simulator.shard``)."""
+    has_modems_elsewhere: bool = False
+    """Whether the robots' satellite modems, and the network, belong to another process."""
     parent_pid: int | None = Field(default=None, gt=0)
     """The simulator ends when the process with this id does."""
     loss: float = Field(default=0.02, ge=0.0, lt=1.0)

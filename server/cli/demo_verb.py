@@ -52,6 +52,7 @@ from simulator.fleet import (
     SUBS,
     RobotDefinition,
     fault_names_of,
+    fleet_of,
     is_sub,
     robots_named,
     sub_definition,
@@ -79,8 +80,14 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--robots",
         default=",".join(DEMO_ROBOTS),
-        help=f"which of {', '.join((*FLEET, *SUBS))}, or the first so many of a kind, such as"
-        " miniglider:10,grace3:10 (default: %(default)s)",
+        help=f"which of {', '.join((*FLEET, *SUBS))}, or several such as mini-1..9, or the first so"
+        " many of a kind, such as miniglider:10,grace3:10 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--fleet",
+        type=int,
+        metavar="N",
+        help="so many robots, half of them in the tank and half in the lake, in place of --robots",
     )
     add_world_options(parser)
     parser.add_argument(
@@ -101,10 +108,8 @@ def run(arguments: Namespace) -> int:
     """Run station and simulator until Ctrl-C."""
     if not 0.1 <= arguments.speed <= 50.0:
         raise CommandError("--speed lies between 0.1 and 50.", status=2)
-    try:
-        robots = robots_named(arguments.robots.split(","))
-    except ValueError as error:
-        raise CommandError(f"--robots: {error}", status=2) from error
+    robots = _robots(arguments)
+    arguments.robots = ",".join(robots)
     for fault in map(CausedFault.of, arguments.fault):
         if refusal := fault.refusal(fault_names_of(robots)):
             raise CommandError(f"--fault: {refusal}", status=2)
@@ -123,6 +128,21 @@ def run(arguments: Namespace) -> int:
             stop_clock(clock_file)
     print(_closing_word(arguments), flush=True)
     return status
+
+
+def _robots(arguments: Namespace) -> tuple[RobotId, ...]:
+    """Return the robots that are asked for.
+
+    Raises:
+        CommandError: If there are none of these; the sentence says which there are.
+    """
+    option = "--robots" if arguments.fleet is None else "--fleet"
+    try:
+        if arguments.fleet is not None:
+            return fleet_of(arguments.fleet)
+        return robots_named(arguments.robots.split(","))
+    except ValueError as error:
+        raise CommandError(f"{option}: {error}", status=2) from error
 
 
 def _closing_word(arguments: Namespace) -> str:

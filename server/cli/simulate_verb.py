@@ -38,8 +38,16 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
     parser.add_argument(
         "--robots",
-        help="names of the robots, comma between them; one that was added to the station as"
+        help="names of the robots, comma between them; mini-1..9 are nine of them, and miniglider:9"
+        " are the first nine of a kind; one that was added to the station as"
         " simulated lives with the vehicle and in the water that it has there",
+    )
+    parser.add_argument(
+        "--processes",
+        type=int,
+        choices=range(1, 65),
+        metavar="N",
+        help="in how many processes robots live (default: 8 or fewer in one, more in one a core)",
     )
     add_world_options(parser)
     parser.add_argument(
@@ -258,6 +266,7 @@ def run(arguments: Namespace) -> int:
         "camera_port": arguments.camera_port,
         "surface_depth_m": arguments.fix_depth,
         "robots": robots or None,
+        "processes": arguments.processes,
     }
     try:
         settings = SimulatorSettings.model_validate(

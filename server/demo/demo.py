@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 
 import msgspec
@@ -29,10 +29,34 @@ class SimulatedFault:
 
 
 @dataclass(frozen=True, slots=True)
+class _Kind:
+    title: str
+    words: str
+    needs_hands: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Fault:
+    kind: int
+    since: datetime | None
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
 class _Told:
-    robots: dict[str, dict[str, SimulatedFault]] = field(
-        default_factory=dict[str, dict[str, SimulatedFault]]
-    )
+    kinds: list[_Kind]
+    robots: dict[str, dict[str, _Fault]]
+
+    def whole(self) -> dict[str, dict[str, SimulatedFault]]:
+        """Return every fault with what its kind says."""
+        return {
+            robot: {name: self._whole(fault) for name, fault in faults.items()}
+            for robot, faults in self.robots.items()
+        }
+
+    def _whole(self, fault: _Fault) -> SimulatedFault:
+        kind = self.kinds[fault.kind]
+        return SimulatedFault(kind.title, kind.words, fault.since, fault.by, kind.needs_hands)
 
 
 class Demo:
@@ -66,8 +90,8 @@ class Demo:
             return
         async for value in self._heard:
             try:
-                self.robots = msgspec.convert(value, _Told).robots
-            except msgspec.ValidationError as error:
+                self.robots = msgspec.convert(value, _Told).whole()
+            except (msgspec.ValidationError, IndexError) as error:
                 log.warning("the simulator's faults cannot be read: %s", error)
             else:
                 self._changed()

@@ -51,8 +51,9 @@ async def test_a_fault_is_caused_seen_told_and_undone_with_who_asked():
     async with desk(mini_1=mini) as (client, heard, told):
         assert (await heard.get())["robots"]["mini-1"]["leak"]["since"] is None
         await client.ask("cause", robot="mini-1", fault="leak", by="ann")
-        leak = (await heard.get())["robots"]["mini-1"]["leak"]
-        assert (leak["by"], leak["title"]) == ("ann", "Leak")
+        told_now = await heard.get()
+        leak = told_now["robots"]["mini-1"]["leak"]
+        assert (leak["by"], told_now["kinds"][leak["kind"]]["title"]) == ("ann", "Leak")
         assert datetime.fromisoformat(leak["since"]) <= datetime.now(UTC)
         mini.advance(0.1)
         assert mini.condition()["leak"] == 1.0
@@ -173,3 +174,48 @@ async def test_a_leaking_submarine_says_so_again_and_again():
     for _ in range(round(45.0 / PERIOD_S)):
         vehicle.step()
     assert [text for _, text in vehicle.autopilot.words] == ["Leak Detected"] * 3
+
+
+async def test_a_desk_stands_for_that_of_another_process():
+    near, far = body(), body(GRACE_1)
+    async with (
+        desk(grace_1=far) as (elsewhere, _, told_elsewhere),
+        first_desk(elsewhere, mini_1=near) as (client, heard, told),
+    ):
+        while set((await heard.get())["robots"]) != {"mini-1", "grace-1"}:
+            pass
+        await client.ask("cause", robot="grace-1", fault="leak", by="ann")
+        far.advance(0.1)
+        assert far.condition()["leak"] == 1.0
+        assert near.condition()["leak"] == 0.0
+        while (leak := (await heard.get())["robots"]["grace-1"]["leak"])["since"] is None:
+            pass
+        assert leak["by"] == "ann"
+        await until(lambda: told and told_elsewhere)
+        assert told == told_elsewhere
+        with pytest.raises(NodeError, match="grace-1 has no fault itch"):
+            await client.ask("cause", robot="grace-1", fault="itch")
+        with pytest.raises(NodeError, match="there are mini-1, grace-1"):
+            await client.ask("cause", robot="grace-9", fault="leak")
+
+
+@asynccontextmanager
+async def first_desk(elsewhere, **robots):
+    """Run a desk that also stands for the one that a client reaches."""
+    told = []
+
+    async def tell(news):
+        told.append(news)
+
+    one = FaultDesk(SystemClock(), tell)
+    for name, faulty in robots.items():
+        one.meet(name.replace("_", "-"), faulty)
+    async with one.server.serve() as address:
+        client = NodeClient(address)
+        heard = client.subscribe(FAULTS, 20)
+        async with (
+            alongside(client.run(), "client"),
+            alongside(one.relay(elsewhere), "relay"),
+        ):
+            await client.connected()
+            yield client, heard, told

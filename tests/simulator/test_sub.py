@@ -29,7 +29,7 @@ from robot_link.station.command_client import StandardCommand
 from robot_link.station.error import ServiceRefusedError
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.opening import open_transport
-from simulator.fleet import FLEET, SUBS, robots_named, sub_definition
+from simulator.fleet import FLEET, SUBS, fleet_of, robots_named, sub_definition
 from simulator.sub.autopilot import MODES
 from simulator.sub.definition import SUB_1
 from simulator.sub.endpoint import PERIOD_S, SubVehicle
@@ -278,7 +278,32 @@ def test_robots_are_named_by_kind_and_number():
         assert robot.site.water.contains(*robot.start_ne_m, 0.0)
 
 
-@pytest.mark.parametrize("wrong", ["nautilus", "miniglider:99", "mini-0", "mini-01", "sub-51", ""])
+def test_several_robots_are_named_by_their_first_and_last_number():
+    assert robots_named(["mini-9..11", "mini-10", "sub-2..2"]) == (
+        "mini-9",
+        "mini-10",
+        "mini-11",
+        "sub-2",
+    )
+
+
+@pytest.mark.parametrize(("count", "minis", "graces"), [(1, 1, 0), (5, 3, 2), (50, 25, 25)])
+def test_a_fleet_is_half_in_the_tank_and_half_in_the_lake(count, minis, graces):
+    fleet = fleet_of(count)
+    assert len(set(fleet)) == count
+    prefixes = [name.split("-")[0] for name in fleet]
+    assert (prefixes.count("mini"), prefixes.count("grace")) == (minis, graces)
+
+
+@pytest.mark.parametrize("count", [0, 101])
+def test_a_fleet_that_cannot_be_is_refused_with_the_limits(count):
+    with pytest.raises(ValueError, match="there are 1 to 100"):
+        fleet_of(count)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["mini-49..51", "nautilus", "miniglider:99", "mini-0", "mini-01", "sub-51", ""]
+)
 def test_a_robot_that_cannot_be_is_refused_with_what_can(wrong):
     with pytest.raises(ValueError, match=r"there are mini-1, .*sub-1, and miniglider:N"):
         robots_named([wrong])

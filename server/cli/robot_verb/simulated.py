@@ -17,7 +17,7 @@ from robot_link.transport.datagram import Address
 from server.base.vehicle_catalogue import entry_of, nearest_built_in
 from server.cli.data import open_store, settings_of
 from server.cli.failure import CommandError
-from simulator.fleet import FLEET, RobotDefinition, is_known
+from simulator.fleet import FLEET, RobotDefinition, expanded, is_known
 
 _TRIES = 400
 """Places of a water among which the one farthest from its shore is sought."""
@@ -37,7 +37,7 @@ def admit_own(folder: Path, names: Sequence[str]) -> tuple[RobotId, ...]:
     Raises:
         CommandError: If the station has no such robot, or one that cannot be simulated.
     """
-    wanted = [name for name in names if ":" not in name and not is_known(name)]
+    wanted = [name for name in expanded(names) if not is_known(name)]
     if not wanted:
         return ()
 
