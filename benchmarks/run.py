@@ -59,6 +59,7 @@ AREAS = {
     "telemetry": "benchmarks.station.telemetry",
     "viewers": "benchmarks.station.viewers",
     "busy": "benchmarks.station.busy",
+    "prune": "benchmarks.station.prune",
     "radio": "benchmarks.link.radio",
     "drive": "benchmarks.link.drive",
     "ingest": "benchmarks.station.ingest",

@@ -25,6 +25,7 @@ from server.recording.decision_replays import DecisionReplayResult
 from server.recording.foreign import ImportFaults, ImportReport, RecordingProposal
 from server.recording.intake import ImportRefusal, ImportResult
 from server.replay.film.films import FilmResult
+from server.storage.result import StoragePassResult, StoragePreviewResult
 from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
 from server.system.event_route import EventView
@@ -48,6 +49,8 @@ JOB_RESULTS: tuple[type[Any], ...] = (
     PackageResult,
     DecisionReplayResult,
     FilmResult,
+    StoragePassResult,
+    StoragePreviewResult,
 )
 """What jobs leave, of those that a program may want to read."""
 _REF = "#/components/schemas/{model}"

@@ -25,6 +25,7 @@ from robot_link.whole_file import keep_names
 from server.base.settings import Settings
 from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, DataFolderError, hold_data_folder
+from server.cli.db_action.space import add_space_arguments, run_unarchive, run_vacuum
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
 from server.current.told import FOLDER as CURRENT_FOLDER
@@ -54,7 +55,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "restore", help="unpack a backup into a data folder that has no database"
     )
     restore.add_argument("file", type=Path, help="a backup, or a copy of the database alone")
-    for action in (upgrade, check, backup, restore):
+    for action in (upgrade, check, backup, restore, *add_space_arguments(actions)):
         add_data_option(action)
 
 
@@ -74,6 +75,10 @@ def run(arguments: Namespace) -> int:
                 print(f"Restored into {settings.data_dir}.")
             case "check":
                 return _check(settings)
+            case "vacuum":
+                run_vacuum(settings)
+            case "unarchive":
+                run_unarchive(settings, arguments)
             case _:
                 with open_store(settings) as store, store.read() as session:
                     print(schema_version(session.connection()))

@@ -11,6 +11,7 @@ from autonomy.chart import CHARTS
 from db.fault import UnknownIdError
 from db.query.mission.decisions import DecisionRange
 from db.query.station.journal import JournalRange, iterate_frames
+from db.query.storage.told import pruned_stretches
 from db.store import Store
 from server.base.decision.replay import DecisionReplay, Verdict, counted
 from server.base.secret import SecretStore
@@ -97,9 +98,11 @@ def _replay(store: Store, settings: Settings, folder: Path) -> int:
         with store.read() as session:
             packets = replay_into(session, rebuilt, clock_of(settings).speed, keys.robot_key)
             found = compare(session, rebuilt)
+            pruned = pruned_stretches(session)
     finally:
         rebuilt.close()
     print(f"{packets} packets of the journal were replayed.")
+    print(*(f"{one.text}\n" for one in pruned), sep="", end="")
     for table in found:
         print(
             f"{table.table:14} {table.same} rows the same, {table.only_stored} only stored, "

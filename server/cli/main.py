@@ -31,7 +31,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "token": "create, list and revoke the tokens of scripts",
         "user": "add people, change their role or password, make a sign-in link",
         "audit": "say whether the event log was changed, or write it to a file",
-        "db": "upgrade, check, back up or restore the database",
+        "db": "upgrade, check, back up, restore or shrink the database; read moved rows back",
         "coefficients": "coefficients of a vehicle from forces and moments of a tunnel or CFD",
         "openapi": "write the OpenAPI document of the station's REST interface",
         "compile": "compile the numeric kernels ahead of time",

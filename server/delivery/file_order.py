@@ -36,6 +36,8 @@ class FileOrder:
     """History of the file that was written before, a line for each writing."""
     came_after: int = 0
     """Measurements that came after the deployment was signed: nobody answers for them."""
+    pruned: tuple[str, ...] = ()
+    """What of the deployment is no longer all there, sentences."""
 
     @property
     def history(self) -> str:

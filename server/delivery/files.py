@@ -18,6 +18,7 @@ from db.query.measured.delivery_files import DeliveryFile, add_delivery_file, de
 from db.query.measured.quality import manual_flags, newest_quality_run
 from db.query.station.configurations import configuration_at
 from db.query.station.events import add_event
+from db.query.storage.told import pruned_stretches
 from robot_link.delivery_config import DeliveryMetadata
 from server.base.channels import catalogue_in
 from server.base.configuration import current
@@ -135,6 +136,16 @@ def order_of(session: Session, wish: Wish) -> FileOrder:
         folder=wish.data_dir / FOLDER,
         came_after=_came_after(session, record) if mode == "D" else 0,
         earlier=str(before[0].document["history"]) if before else "",
+        pruned=tuple(
+            one.text
+            for one in pruned_stretches(
+                session,
+                record.robot,
+                ("states", "samples", "readings", "fixes"),
+                record.begun_at,
+                record.last_at,
+            )
+        ),
     )
 
 

@@ -172,7 +172,7 @@ def _identity(order: FileOrder) -> dict[str, Any]:
         "platform": "sub-surface gliders",
         "platform_vocabulary": "http://vocab.nerc.ac.uk/collection/L06/current/27/",
         "summary": (mark + summary).strip(),
-        "comment": (mark + (said.comment.strip() or _NOTHING)).strip(),
+        "comment": " ".join(((mark + (said.comment.strip() or _NOTHING)).strip(), *order.pruned)),
         "internal_mission_identifier": deployment.id,
         "site": deployment.site.name,
         "institution": said.operating_agency,

@@ -29,6 +29,7 @@ from db.query.measured.sample_places import SamplePlaces, sample_places
 from db.query.measured.samples import sampled_variables
 from db.query.measured.telemetry import history, track
 from db.query.station.events import add_event
+from db.query.storage.told import pruned_of_channel
 from robot_link.messages import STATE
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, Viewer
@@ -187,11 +188,14 @@ async def get_samples(
     )
     if is_derived or (positions and channel in known):
         read = derived_places if is_derived else sample_places
-        placed = await store.query(
-            lambda session: read(session, robot, channel, start, end, max_points)
-        )
-        view = _placed(robot, channel, unit, placed, thresholds_m)
-        return encoded(replace(view, is_derived=is_derived))
+
+        def read_placed(session: Session) -> SamplesView:
+            placed = read(session, robot, channel, start, end, max_points)
+            pruned = pruned_of_channel(session, robot, channel, start, end)
+            view = _placed(robot, channel, unit, placed, thresholds_m)
+            return replace(view, is_derived=is_derived, pruned=pruned)
+
+        return encoded(await store.query(read_placed))
 
     def read_flagged(session: Session) -> SamplesView:
         found = history(session, robot, channel, start, end, max_points)
@@ -206,6 +210,7 @@ async def get_samples(
             found.measured_at,
             found.value,
             found.decimated,
+            pruned_of_channel(session, robot, channel, start, end),
             received_at=found.received_at,
             flag=None if flags is None else flags.tolist(),
         )
@@ -304,8 +309,11 @@ async def get_track(
     del caller
     site = fleet.status(robot).record.site if deployment is None else deployment.site
     start, end = cut_to(deployment, robot, start, end)
-    found = await foundation.store.query(
-        lambda session: track(session, robot, start, end, max_points)
+    found, pruned = await foundation.store.query(
+        lambda session: (
+            track(session, robot, start, end, max_points),
+            pruned_of_channel(session, robot, None, start, end),
+        )
     )
     thresholds_m = fleet.status(robot).track.thresholds_m
     positions, std_m = found.position_ned, found.position_std_m
@@ -324,6 +332,7 @@ async def get_track(
             latitude_deg=geodetic[:, 0].tolist(),
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,
+            pruned=pruned,
         )
     )
 
@@ -338,6 +347,7 @@ def _placed(
         measured_at=found.measured_at,
         value=found.value,
         decimated=found.decimated,
+        pruned=[],
         north_m=found.position_ned[:, 0].tolist(),
         east_m=found.position_ned[:, 1].tolist(),
         depth_m=found.position_ned[:, 2].tolist(),

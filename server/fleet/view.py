@@ -373,6 +373,8 @@ class SamplesView(View):
     value: list[float]
     decimated: bool
     """Whether values were left out; the extremes of every interval are kept."""
+    pruned: list[str]
+    """What of that time is no longer all there, sentences."""
     is_derived: bool = False
     """Whether they were computed ashore of what the robot measured."""
     received_at: list[datetime] | None = None
@@ -412,3 +414,5 @@ class TrackView(View):
     latitude_deg: list[float]
     longitude_deg: list[float]
     decimated: bool
+    pruned: list[str]
+    """What of that time is no longer all there, sentences."""

@@ -21,6 +21,7 @@ from db.query.measured.actuator_reports import iterate_actuator_reports
 from db.query.measured.derived import derived_columns
 from db.query.measured.samples import SampleRecord, iterate_samples, sampled_variables
 from db.query.measured.telemetry import track
+from db.query.storage.told import pruned_stretches
 from robot_link.report import ActuatorReport
 from server.base.channels import catalogue_in
 from server.recording.table import COMMENT, DERIVED_COLUMN, POSITION_COLUMNS
@@ -109,7 +110,8 @@ def csv_blocks(
     )
     derived = tuple(f"{DERIVED_COLUMN}{key}" for key in measured.computed)
     columns = (*POSITION_COLUMNS, *measured.variables, *derived)
-    yield _mark(robot) + (
+    yield _mark(robot) + _pruned(session, deployment, robot, "samples")
+    yield (
         f"{COMMENT} {robot.id}, {deployment.id}: time Unix s (UTC), latitude deg, longitude deg, "
         f"depth m (positive down), {units}\n" + ",".join(columns) + "\n"
     )
@@ -138,7 +140,8 @@ def actuator_csv_blocks(
     session: Session, deployment: DeploymentRecord, robot: RobotRecord
 ) -> Generator[str]:
     """Yield what the robot said in a deployment of how its actuators follow, as CSV."""
-    yield _mark(robot) + (
+    yield _mark(robot) + _pruned(session, deployment, robot, "actuators")
+    yield (
         f"{COMMENT} {robot.id}, {deployment.id}: times Unix s (UTC), rates as a share of the "
         "nominal one, delays s\n" + ",".join(ACTUATOR_COLUMNS) + "\n"
     )
@@ -249,6 +252,13 @@ def _placemark(row: _Row) -> str:
         "<Point><altitudeMode>absolute</altitudeMode>"
         f"<coordinates>{place}</coordinates></Point></Placemark>\n"
     )
+
+
+def _pruned(session: Session, deployment: DeploymentRecord, robot: RobotRecord, kind: str) -> str:
+    """Return what of a deployment is no longer all there, a comment a sentence."""
+    start, end = deployment.begun_at, deployment.last_at
+    found = pruned_stretches(session, robot.id, (kind,), start, end)
+    return "".join(f"{COMMENT} {one.text}\n" for one in found)
 
 
 def _mark(robot: RobotRecord) -> str:

@@ -12,6 +12,7 @@ from pydantic import AwareDatetime
 from sqlalchemy.orm import Session
 
 from db.query.station.journal import JournalRange, iterate_frames
+from db.query.storage.told import pruned_stretches
 from db.record import same
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame
@@ -54,6 +55,8 @@ class JournalView(View):
     """Packets in the order in which the station had them."""
 
     packets: list[PacketView]
+    pruned: list[str]
+    """What of that time is no longer all there, sentences."""
 
 
 @router.get("/journal")
@@ -69,11 +72,14 @@ async def read_journal(
     _refuse_all_of(caller, robot)
     wanted = JournalRange(robot, start, end)
 
-    def read(session: Session) -> list[RawFrame]:
-        return list(islice(iterate_frames(session, wanted), limit))
+    def read(session: Session) -> tuple[list[RawFrame], list[str]]:
+        pruned = pruned_stretches(session, robot, ("raw",), start, end)
+        frames = list(islice(iterate_frames(session, wanted), limit))
+        return frames, [one.text for one in pruned]
 
     codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
-    return JournalView([_packet(frame, codec) for frame in await store.query(read)])
+    frames, pruned = await store.query(read)
+    return JournalView([_packet(frame, codec) for frame in frames], pruned)
 
 
 @router.get(

@@ -5,10 +5,13 @@ from collections import OrderedDict
 from datetime import datetime
 from typing import Final
 
+from sqlalchemy.orm import Session
+
 from autonomy.channel import ALARM_LEVELS
 from db.deployment_span import Period
 from db.query.fleet.deployments import DeploymentRecord, deployment_at
 from db.query.measured.moment import told_columns
+from db.query.storage.told import PrunedStretch, pruned_stretches
 from db.record import same
 from robot_link.messages import RobotId
 from server.base.foundation import Foundation
@@ -18,6 +21,7 @@ from server.fleet.view import DeploymentBriefView
 from server.replay.moment import (
     ChannelsThen,
     RobotThen,
+    Stretch,
     position_then,
     robot_then,
     stretch_around,
@@ -78,9 +82,14 @@ class Replays:
         self._fleet.status(robot)
         now = self._foundation.clock.now()
         at = moment_asked(at, now)
-        found = await self._foundation.store.query(
-            lambda session: stretch_around(session, robot, at, now)
-        )
+
+        def read(session: Session) -> tuple[Stretch, list[PrunedStretch]]:
+            found = stretch_around(session, robot, at, now)
+            period = found.period
+            pruned = pruned_stretches(session, robot, start=period.first, end=period.last)
+            return found, pruned
+
+        found, pruned = await self._foundation.store.query(read)
         last = found.period.last
         return TimelineView(
             robot=robot,
@@ -90,6 +99,7 @@ class Replays:
             lasts=last is None,
             marks=[same(MarkView, one) for one in found.marks],
             is_cut=found.is_cut,
+            pruned=[one.text for one in pruned],
         )
 
     async def _ever_told(self, robot: RobotId, at: datetime) -> frozenset[str]:

@@ -114,3 +114,5 @@ class TimelineView(View):
     """What the log book tells of it, the oldest first."""
     is_cut: bool
     """Whether there were more marks than are told; the newest are."""
+    pruned: list[str]
+    """What of that time is no longer all there, sentences."""

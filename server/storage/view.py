@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from datetime import datetime
 
+from db.query.storage.told import PrunedStretch
+from db.record import same
 from server.base.view import View
+from server.storage.passes import Passes
 from server.storage.sizes import Look, Sizes
 from server.storage.stored_kind import STORED_KINDS
 
@@ -43,26 +46,82 @@ class LookView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class PassView(View):
+    """A pass over what is kept, as it ended."""
+
+    at: datetime
+    message: str
+    """What went, in words."""
+    is_whole: bool
+    """Whether it saw to everything; else it was cancelled, or failed."""
+
+
+@dataclass(frozen=True, slots=True)
 class StorageView(View):
-    """What the station keeps."""
+    """What the station keeps, and what becomes of it."""
 
     look: LookView | None
     """``null`` until everything was counted once."""
+    last_pass: PassView | None
+    next_pass_at: datetime | None
+    """``null`` while everything is kept for ever."""
+    job: str | None
+    """The pass under way."""
+    pruned: list[str]
+    """What is no longer all there, sentences."""
 
 
-def look_view(sizes: Sizes) -> LookView | None:
-    """Return the newest look as it is told."""
+@dataclass(frozen=True, slots=True)
+class PrunedStretchView(View):
+    """Rows that went, on days one after another."""
+
+    kind: str
+    action: str
+    """``thin``, ``move`` or ``delete``."""
+    period_s: int
+    """Of which one row stayed, 0 where none did."""
+    first_at: datetime
+    last_at: datetime
+    rows: int
+    text: str
+    """The same in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class StorageJobView(View):
+    """Where to ask how far the work is."""
+
+    id: str
+    """Id of the job."""
+
+
+def storage_view(sizes: Sizes, passes: Passes, pruned: list[PrunedStretch]) -> StorageView:
+    """Return everything as it is told."""
+    last = passes.last
+    return StorageView(
+        look=_look(sizes),
+        last_pass=None
+        if last is None
+        else PassView(datetime.fromisoformat(last["at"]), last["message"], last["is_whole"]),
+        next_pass_at=passes.next_at,
+        job=passes.job,
+        pruned=[one.text for one in pruned],
+    )
+
+
+def stretch_view(stretch: PrunedStretch) -> PrunedStretchView:
+    """Return what went as it is told."""
+    return same(PrunedStretchView, stretch, text=stretch.text)
+
+
+def _look(sizes: Sizes) -> LookView | None:
     look = sizes.look
     if look is None:
         return None
-    return LookView(
-        at=look.at,
+    return same(
+        LookView,
+        look,
         kinds=_kinds(look, sizes),
-        other_bytes=look.other_bytes,
-        used_bytes=look.used_bytes,
-        free_inside_bytes=look.free_inside_bytes,
-        disk_free_bytes=look.disk_free_bytes,
-        disk_bytes=look.disk_bytes,
         growth_bytes_per_day=sizes.growth_bytes_per_day(),
         full_in_days=sizes.full_in_days(),
     )
@@ -71,14 +130,12 @@ def look_view(sizes: Sizes) -> LookView | None:
 def _kinds(look: Look, sizes: Sizes) -> list[KindSizeView]:
     kinds = {kind.key: kind for kind in STORED_KINDS}
     return [
-        KindSizeView(
-            one.key,
-            kinds[one.key].title,
-            one.rows if kinds[one.key].tables else None,
-            one.bytes,
-            one.oldest_at,
-            one.newest_at,
-            sizes.growth_rows_per_day(one.key) if kinds[one.key].tables else None,
+        same(
+            KindSizeView,
+            one,
+            title=kinds[one.key].title,
+            rows=one.rows if kinds[one.key].tables else None,
+            rows_per_day=sizes.growth_rows_per_day(one.key) if kinds[one.key].tables else None,
         )
         for one in look.kinds
     ]

@@ -11,7 +11,18 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import BigInteger, ColumnElement, Table, func, select, text, type_coerce
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    ColumnElement,
+    LargeBinary,
+    String,
+    Table,
+    func,
+    select,
+    text,
+    type_coerce,
+)
 from sqlalchemy.orm import Session
 
 from db.column import moment
@@ -127,15 +138,20 @@ def table_bytes(session: Session, name: str, rows: int) -> int:
         return int(found or 0)
     table = METADATA.tables[name]
     keys = list(table.primary_key.columns)
-    ends = [
-        *session.execute(select(table).order_by(*keys).limit(_SAMPLED_ROWS)),
-        *session.execute(
-            select(table).order_by(*(key.desc() for key in keys)).limit(_SAMPLED_ROWS)
-        ),
+    is_long = [isinstance(column.type, (LargeBinary, JSON, String)) for column in table.columns]
+    columns = [
+        # A length is told without reading what is long.
+        func.length(type_coerce(column, LargeBinary)) if long else column
+        for column, long in zip(table.columns, is_long, strict=True)
     ]
-    if not ends:
+    rows_at_ends = [
+        row
+        for order in (keys, [key.desc() for key in keys])
+        for row in session.execute(select(*columns).order_by(*order).limit(_SAMPLED_ROWS))
+    ]
+    if not rows_at_ends:
         return 0
-    width = sum(_width(row) for row in ends) / len(ends)
+    width = sum(_width(row, is_long) for row in rows_at_ends) / len(rows_at_ends)
     return round(rows * (width + _INDEX_BYTES * len(table.indexes)))
 
 
@@ -150,9 +166,12 @@ def row_bytes(session: Session, name: str) -> float:
     return table_bytes(session, name, 1000) / 1000
 
 
-def _width(row: Sequence[Any]) -> int:
-    """Return the bytes of a row in SQLite's record format."""
-    return _CELL_BYTES + sum(1 + _value_bytes(value) for value in row)
+def _width(row: Sequence[Any], is_long: Sequence[bool]) -> int:
+    """Return the bytes of a row in SQLite's record format; of what is long the length is given."""
+    return _CELL_BYTES + sum(
+        1 + ((value or 0) if long else _value_bytes(value))
+        for value, long in zip(row, is_long, strict=True)
+    )
 
 
 def _value_bytes(value: object) -> int:
@@ -161,16 +180,8 @@ def _value_bytes(value: object) -> int:
             return 0
         case int():
             return 4 if -(2**31) <= value < 2**31 else 6
-        case float():
-            return 8
-        case datetime():
-            return 8
-        case bytes():
-            return len(value)
-        case str():
-            return len(value.encode())
         case _:
-            return len(str(value))
+            return 8
 
 
 def database_size(session: Session) -> DatabaseSize:

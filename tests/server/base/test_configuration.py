@@ -46,7 +46,7 @@ async def test_every_kind_has_a_value_and_a_schema_with_units(admin):
     kinds = (await admin.get("/api/config")).json()
     assert {kind["kind"] for kind in kinds} == set(KINDS)
     for kind in kinds:
-        fitting = [] if kind["kind"] == "standard_commands" else ["mini-1"]
+        fitting = [] if kind["kind"] in ("standard_commands", "storage") else ["mini-1"]
         assert kind["robots"] == fitting
         path = f"/api/config/{kind['kind']}"
         value = (await admin.get(path, params={"robot": "mini-1"})).json()["value"]

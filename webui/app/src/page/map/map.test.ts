@@ -24,7 +24,7 @@ test('a slice has no number where there is no water', () => {
 
 describe('samples on a slice', () => {
   const samples: Samples = {
-    robot: 'mini-1', channel: 'blue_light', unit: '', measured_at: [], value: [], decimated: false, is_derived: false,
+    robot: 'mini-1', channel: 'blue_light', unit: '', measured_at: [], value: [], decimated: false, pruned: [], is_derived: false,
     north_m: [0.1, 0.9, 0.2, null], east_m: [0.3, 0.4, 0.5, 0], depth_m: [0.1, 0.1, 0.9, 0],
     fidelity: [2, 0, 1, 2], smoothed: [true, false, true, false],
   }; // prettier-ignore
@@ -52,7 +52,7 @@ describe('samples on a slice', () => {
     const track = {
       robot: 'mini-1', measured_at: [], north_m: [0, 1], east_m: [0, 1], depth_m: [0, 0],
       std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [],
-      received_at: null, decimated: false, is_derived: false,
+      received_at: null, decimated: false, pruned: [], is_derived: false,
     }; // prettier-ignore
     expect(samplesOfTrack(track, 'blue_light').fidelity).toEqual([2, null]);
   });

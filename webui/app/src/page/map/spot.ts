@@ -47,6 +47,7 @@ export function samplesOfTrack(track: Track, channel: string): Samples {
     measured_at,
     value: [],
     decimated: false,
+    pruned: [],
     is_derived: false,
     north_m,
     east_m,

@@ -1,0 +1,1 @@
+"""Actions of ``grace db`` that are more than a few lines."""

@@ -1,0 +1,76 @@
+"""A memory of each engine, with days of one robot in it."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from db.tables import Deployment
+from robot_link.messages import RawFrame, RobotId, RobotMode
+from robot_link.report import Reading
+from tests.db.conftest import (  # noqa: F401 - fixtures
+    postgresql,
+    postgresql_url,
+    prepared_database,
+    prepared_postgresql,
+    report,
+    sample,
+    sqlite_url,
+    store,
+    url,
+)
+
+DAY = datetime(2026, 3, 1, tzinfo=UTC)
+NOW = DAY + timedelta(days=100)
+LASTS_S = 3600
+"""How much of each day the robot was on."""
+ROBOT = RobotId("mini-1")
+
+
+def day_of_robot(number: int, every_s: float = 10.0, received_at: datetime | None = None):
+    """Return what a robot said in an hour of a day: states, samples, readings, raw bytes."""
+    values = []
+    begin = DAY + timedelta(days=number, hours=10)
+    for step in range(int(LASTS_S / every_s)):
+        at = begin + timedelta(seconds=step * every_s)
+        came = received_at or at + timedelta(milliseconds=80)
+        is_up = step * every_s % 600 < 60
+        depth_m = 0.0 if is_up else 5.0 + (step * 37 % 101) / 50.0
+        values.append(
+            replace(
+                report(0.0, depth_m, ROBOT),
+                measured_at=at,
+                received_at=came,
+                has_fix=is_up,
+                mode=RobotMode.SURFACED if is_up else RobotMode.GLIDING,
+            )
+        )
+        values.append(
+            replace(
+                sample(number * 100_000 + step, 3.0 + step * 53 % 360 / 100.0),
+                measured_at=at,
+                received_at=came,
+            )
+        )
+        values.append(
+            Reading(ROBOT, "internal_pressure", 900.0 + step * 29 % 360 / 100.0, at, came)
+        )
+        values.append(RawFrame(ROBOT, "radio", False, bytes([step % 256]) * 20, at))
+    return values
+
+
+@pytest.fixture
+def ended(store):  # noqa: F811 - the fixture
+    """The deployment that the robot was put in begins before all that and has ended."""
+
+    def change(session):
+        session.execute(
+            update(Deployment).values(
+                state="recovered",
+                started_at=DAY - timedelta(days=10),
+                ended_at=DAY + timedelta(days=50),
+            )
+        )
+
+    store.change(change).result(60)

@@ -1,0 +1,94 @@
+"""A pass is killed at random moments, a real process: it ends the same, and nothing is lost."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from sqlalchemy import select
+
+from db.sample_tables import SampleRollup, SampleRow
+from db.storage_tables import ArchiveFileRow, PrunedDayRow
+from db.store import Store
+from db.tables import RawFrameRow, StateRow
+from server.storage.restoring import restore_file
+from tests.server.storage.conftest import NOW, day_of_robot
+from tests.server.storage.test_pruning import config, prune, rows
+
+pytestmark = pytest.mark.process
+
+RULES = {
+    "raw": ("move", {}),
+    "samples": ("move", {}),
+    "states": ("thin", {"period_s": 60}),
+    "readings": ("delete", {}),
+}
+CHILD = """
+import sys
+from pathlib import Path
+from db.store import Store
+from tests.server.storage.test_kill import RULES
+from tests.server.storage.test_pruning import config, prune
+
+store = Store.open(sys.argv[1])
+print("begins", flush=True)
+prune(store, Path(sys.argv[2]), config(**RULES))
+print("ends", flush=True)
+"""
+MOVED = (RawFrameRow, SampleRow)
+KILLS_MAX = 6
+
+
+def killed_pass(url, folder, seconds):
+    """Run a pass in a process and kill it so long after it began; tell whether it had ended."""
+    child = subprocess.Popen(
+        [sys.executable, "-c", CHILD, url, str(folder)], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout.readline() == "begins\n"
+    time.sleep(seconds)
+    os.kill(child.pid, signal.SIGKILL)
+    has_ended = "ends" in child.stdout.read()
+    child.stdout.close()
+    child.wait()
+    return has_ended
+
+
+def kept_in(store):
+    return {model: rows(store, model) for model in (StateRow, *MOVED, SampleRollup)}
+
+
+@pytest.mark.timeout(900)
+def test_a_pass_killed_at_random_moments_ends_the_same(store, url, ended, tmp_path):
+    for number in range(3):
+        store.append(day_of_robot(number)).result(120)
+    before = kept_in(store)
+    store.close()
+    draw = random.Random(19)
+    kills = 0
+    while not killed_pass(url, tmp_path, draw.expovariate(1.0)) and kills < KILLS_MAX:
+        kills += 1
+    store = Store.open(url)
+    try:
+        prune(store, tmp_path, config(**RULES))
+        after = kept_in(store)
+        assert kills > 0
+        assert after[RawFrameRow] == after[SampleRow] == after[SampleRollup] == []
+        with store.read() as session:
+            files = session.scalars(select(ArchiveFileRow)).all()
+            gone = session.scalars(select(PrunedDayRow)).all()
+        assert {file.state for file in files} == {"moved"}
+        told = {kind: sum(day.rows for day in gone if day.kind == kind) for kind in RULES}
+        assert told["raw"] == len(before[RawFrameRow])
+        assert told["samples"] == len(before[SampleRow])
+        assert told["states"] == len(before[StateRow]) - len(after[StateRow])
+        for file in sorted((tmp_path / "archive").rglob("*.gz")):
+            restore_file(store, tmp_path, file, NOW)
+        back = kept_in(store)
+        assert [back[model] for model in (*MOVED, SampleRollup)] == [
+            before[model] for model in (*MOVED, SampleRollup)
+        ]
+    finally:
+        store.close()

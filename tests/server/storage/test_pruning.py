@@ -1,0 +1,239 @@
+import gzip
+from datetime import timedelta
+
+import pytest
+from sqlalchemy import func, select, update
+
+from db.column import microseconds
+from db.quality_tables import ManualFlagRow
+from db.query.measured.rollup import counts
+from db.query.measured.telemetry import history
+from db.query.storage.prunable import PRUNABLE, day_of
+from db.sample_tables import FINE_S, SampleRollup, SampleRow
+from db.state_sums import StateRollup, sum_up_next
+from db.storage_tables import ArchiveFileRow, PrunedDayRow
+from db.tables import Deployment, RawFrameRow, StateRow
+from robot_link.storage_config import StorageConfig
+from server.storage.archive import ArchiveError
+from server.storage.pruning import Pruner
+from server.storage.restoring import restore_file
+from tests.server.storage.conftest import DAY, NOW, ROBOT, day_of_robot
+
+OLD = {"after_days": 30}
+
+
+def config(**rules):
+    return StorageConfig.model_validate(
+        {key: {"then": then, **OLD, **more} for key, (then, more) in rules.items()}
+    )
+
+
+def prune(store, folder, rules, **how):
+    return Pruner(store, folder, NOW).run(rules, **how)
+
+
+def rows(store, model=StateRow):
+    with store.read() as session:
+        columns = model.__table__.columns
+        keys = model.__table__.primary_key.columns
+        return [tuple(row) for row in session.execute(select(*columns).order_by(*keys))]
+
+
+@pytest.fixture
+def kept(store, ended):
+    for number in range(2):
+        store.append(day_of_robot(number)).result(120)
+    return store
+
+
+def test_what_is_kept_for_ever_stays(kept, tmp_path):
+    before = {model: rows(kept, model) for model in (StateRow, SampleRow, RawFrameRow)}
+    assert prune(kept, tmp_path, StorageConfig()).rows == 0
+    assert {model: rows(kept, model) for model in before} == before
+
+
+def test_thinned_states_keep_surfacings_and_extremes(kept, tmp_path):
+    with kept.read() as session:
+        deepest = session.scalar(select(func.max(StateRow.depth_m)))
+    result = prune(kept, tmp_path, config(states=("thin", {"period_s": 60})))
+    left = rows(kept)
+    assert result.thinned["states"] == 720 - len(left)
+    # Of each hour: 60 minutes, 2 extremes of each 5 minutes, 4 rows at each of 6 surfacings.
+    assert 120 <= len(left) <= 2 * (60 + 24 + 24 + 1)
+    with kept.read() as session:
+        assert session.scalar(select(func.max(StateRow.depth_m))) == deepest
+        up = session.scalars(select(StateRow.measured_at).where(StateRow.has_fix)).all()
+    begins = {DAY + timedelta(hours=10, seconds=600 * number) for number in range(6)}
+    assert begins <= set(up)
+    assert {at + timedelta(seconds=50) for at in begins} <= set(up)
+
+
+def test_sums_of_stretches_tell_what_is_left(kept, tmp_path):
+    prune(kept, tmp_path, config(samples=("thin", {"period_s": 60})))
+    with kept.read() as session:
+        key = session.scalars(select(SampleRow.robot_key)).first()
+        counted = counts(session, SampleRow, key)["blue_light"]
+        assert counted == session.scalar(select(func.count()).select_from(SampleRow))
+        for stretch in session.scalars(
+            select(SampleRollup).where(SampleRollup.length_s == FINE_S)
+        ).all():
+            found = [
+                value
+                for at, value in session.execute(select(SampleRow.measured_at, SampleRow.value))
+                if microseconds(at) // (FINE_S * 10**6) == stretch.stretch
+            ]
+            assert (stretch.size, stretch.least, stretch.greatest) == (
+                len(found),
+                min(found),
+                max(found),
+            )
+
+
+def test_sums_of_states_tell_what_is_left(kept, tmp_path):
+    while kept.change(lambda session: sum_up_next(session, 1000, NOW)).result(120):
+        pass
+    prune(kept, tmp_path, config(states=("thin", {"period_s": 60})))
+    with kept.read() as session:
+        of_depth = select(func.sum(StateRollup.size)).where(StateRollup.channel == "depth_m")
+        assert session.scalar(of_depth) == len(rows(kept))
+    prune(kept, tmp_path, config(states=("delete", {})))
+    assert rows(kept, StateRollup) == []
+
+
+def test_deleted_samples_leave_neither_rows_nor_sums(kept, tmp_path):
+    prune(kept, tmp_path, config(samples=("delete", {})))
+    assert rows(kept, SampleRow) == []
+    assert rows(kept, SampleRollup) == []
+
+
+def test_a_sample_that_is_sent_again_does_not_come_back(kept, tmp_path):
+    prune(kept, tmp_path, config(samples=("delete", {})))
+    kept.append(day_of_robot(0)).result(120)
+    assert rows(kept, SampleRow) == []
+
+
+def test_a_second_pass_finds_nothing_to_do(kept, tmp_path):
+    rules = config(states=("thin", {"period_s": 60}), samples=("thin", {"period_s": 60}))
+    prune(kept, tmp_path, rules)
+    assert prune(kept, tmp_path, rules).rows == 0
+    assert prune(kept, tmp_path, rules, again=True).rows == 0
+
+
+def test_young_rows_stay(kept, tmp_path):
+    rules = config(states=("delete", {"after_days": 98}))
+    prune(kept, tmp_path, rules)
+    with kept.read() as session:
+        left = session.scalars(select(StateRow.measured_at)).all()
+    assert {at.date() for at in left} == {(DAY + timedelta(days=1)).date()} or not left
+    assert prune(kept, tmp_path, config(states=("delete", {"after_days": 99}))).rows == 0
+
+
+def test_old_rows_that_came_late_stay(store, ended, tmp_path):
+    store.append(day_of_robot(0, received_at=NOW - timedelta(days=2))).result(120)
+    rules = config(states=("delete", {}), samples=("delete", {}))
+    assert prune(store, tmp_path, rules).rows == 0
+
+
+def test_a_deployment_that_lasts_is_not_touched(store, tmp_path):
+    def begin(session):
+        session.execute(
+            update(Deployment).values(started_at=DAY - timedelta(days=1), ended_at=None)
+        )
+
+    store.change(begin).result(60)
+    store.append(day_of_robot(0)).result(120)
+    rules = config(**{key: ("delete", {}) for key in PRUNABLE})
+    assert prune(store, tmp_path, rules).rows == 0
+
+
+def test_what_somebody_flagged_is_not_touched(kept, tmp_path):
+    def flag(session):
+        session.add(
+            ManualFlagRow(
+                deployment_key=session.scalars(select(Deployment.key)).one(),
+                series="depth_m",
+                first_at=DAY,
+                last_at=DAY,
+                flag=3,
+                reason="a fish",
+                at=NOW,
+                by="ann",
+                withdrawn_at=None,
+                withdrawn_by=None,
+            )
+        )
+
+    kept.change(flag).result(60)
+    rules = config(**{key: ("delete", {}) for key in PRUNABLE})
+    assert prune(kept, tmp_path, rules).rows == 0
+
+
+@pytest.mark.parametrize("kind", ["raw", "states", "samples", "readings"])
+def test_what_was_moved_comes_back_as_it_was(kept, tmp_path, kind):
+    model = PRUNABLE[kind].model
+    sums = PRUNABLE[kind].rollup
+    before, sums_before = rows(kept, model), rows(kept, sums) if sums else None
+    result = prune(kept, tmp_path, config(**{kind: ("move", {})}))
+    assert result.moved[kind] == len(before)
+    assert result.files == 2
+    assert rows(kept, model) == []
+    for file in sorted((tmp_path / "archive").rglob("*.gz")):
+        restore_file(kept, tmp_path, file, NOW)
+    assert rows(kept, model) == before
+    if sums:
+        assert rows(kept, sums) == sums_before
+    with kept.read() as session:
+        assert session.scalars(select(PrunedDayRow)).all() == []
+
+
+def test_what_was_read_back_stays_for_a_while(kept, tmp_path):
+    rules = config(states=("move", {}))
+    prune(kept, tmp_path, rules)
+    for file in (tmp_path / "archive").rglob("*.gz"):
+        restore_file(kept, tmp_path, file, NOW)
+    assert prune(kept, tmp_path, rules).rows == 0
+
+
+def test_a_damaged_file_is_not_read_back(kept, tmp_path):
+    prune(kept, tmp_path, config(states=("move", {})))
+    file = next((tmp_path / "archive").rglob("*.gz"))
+    file.write_bytes(gzip.compress(gzip.decompress(file.read_bytes()).replace(b"0", b"1")))
+    with pytest.raises(ArchiveError, match="SHA-256"):
+        restore_file(kept, tmp_path, file, NOW)
+    assert rows(kept) == []
+
+
+def test_nothing_goes_when_the_file_that_should_hold_it_is_gone(kept, tmp_path):
+    before = rows(kept)
+
+    def write_down(session):
+        session.add(
+            ArchiveFileRow(
+                kind="states",
+                robot_key=1,
+                day=day_of(DAY),
+                path="states/mini-1/gone.jsonl.gz",
+                rows=1,
+                bytes=1,
+                sha256="00",
+                first_at=DAY,
+                last_at=DAY,
+                state="written",
+                written_at=NOW,
+                restored_at=None,
+            )
+        )
+
+    kept.change(write_down).result(60)
+    with pytest.raises(ArchiveError):
+        prune(kept, tmp_path, StorageConfig())
+    assert rows(kept) == before
+
+
+def test_charts_of_thinned_samples_have_the_same_extremes(kept, tmp_path):
+    with kept.read() as session:
+        before = history(session, ROBOT, "blue_light", max_points=50).value
+    prune(kept, tmp_path, config(samples=("thin", {"period_s": 60})))
+    with kept.read() as session:
+        after = history(session, ROBOT, "blue_light", max_points=50).value
+    assert (min(after), max(after)) == (min(before), max(before))
