@@ -302,7 +302,11 @@ class Event(Base):
     """Something that happened; the key is the cursor by which readers continue."""
 
     __tablename__ = "event"
-    __table_args__ = (Index(None, "robot_key", "cursor"), APPENDED_ONLY)
+    __table_args__ = (
+        Index(None, "robot_key", "cursor"),
+        Index(None, "robot_key", "at"),
+        APPENDED_ONLY,
+    )
 
     cursor: Mapped[int] = mapped_column(Key, primary_key=True)
     at: Mapped[datetime] = mapped_column(index=True)

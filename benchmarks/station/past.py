@@ -33,6 +33,7 @@ from db.query.station.events import add_event
 from db.query.station.settings import put_setting
 from db.sample_ingest import channel_keys
 from db.sample_tables import COARSE_S, FINE_S
+from db.state_sums import sum_up_next
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
 from robot_link.mission import MissionSettings
@@ -50,8 +51,8 @@ _SETTINGS = MissionSettings(
 _PLANNED = {"settings": asdict(_SETTINGS)}
 _LONG_SHARE = 0.42
 """Of all rows, those of the robot that never left the water, at most."""
-_STEP = 250_000
-"""Rows that one transaction makes."""
+_STEP, _STRETCHES = 250_000, 500
+"""Rows that one transaction makes, and stretches of them that one sums up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,9 @@ def lay_out(url: str, rows: int, ends_at: datetime) -> list[Stay]:
         _fill(engine, past)
     finally:
         engine.dispose()
+    with closing(Store.open(url)) as store:
+        while store.change(lambda session: sum_up_next(session, _STRETCHES, ends_at)).result():
+            pass
     return past
 
 

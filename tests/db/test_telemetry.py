@@ -12,8 +12,9 @@ from sqlalchemy import event as sqlalchemy_event
 from sqlalchemy import select
 
 from db.fault import UnknownIdError
+from db.query.fleet.deployments import joint_spans
 from db.query.fleet.robots import add_robot
-from db.query.measured import decimation
+from db.query.measured import decimation, samples
 from db.query.measured.samples import (
     iterate_samples,
     kept_counts,
@@ -40,6 +41,20 @@ from robot_link.messages import (
 )
 from robot_link.report import Reading
 from tests.db.conftest import ON_SQLITE, START, report, robot_record, sample
+
+
+def test_very_many_samples_of_a_map_become_an_even_part_of_them(store, monkeypatch):
+    monkeypatch.setattr(samples, "MANY", 100)
+    monkeypatch.setattr(samples, "THINNED", 20)
+    store.append([sample(number, value=float(number)) for number in range(1000)]).result()
+    with store.read() as session:
+        spans = joint_spans(session, ["mini-1"])
+        every = samples.sample_columns(session, "mini-1", "blue_light", within=spans)
+        some = samples.sample_columns(session, "mini-1", "blue_light", within=spans, thins=True)
+    assert len(every) == 1000
+    assert len(some) == 20
+    assert (some.value[0], some.value[-1]) == (0.0, 999.0)
+    assert np.diff(some.value).max() <= 100.0
 
 
 def test_the_newest_state_is_the_one_measured_last_not_the_one_that_came_last(store):

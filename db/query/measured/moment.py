@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, func, or_, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from db.deployment_span import Period
@@ -159,12 +159,16 @@ def beside(session: Session, robot: str, at: datetime, kinds: Collection[str]) -
             for table in (SampleRow, ReadingRow)
             for channel in channels
         ]
-    logged = [Event.kind.in_(kinds), or_(Event.robot_key == key, Event.robot_key.is_(None))]
+    # Apart, each is one range of the log's order.
+    logged = [
+        (Event.at, [Event.kind.in_(kinds), about])
+        for about in (Event.robot_key == key, Event.robot_key.is_(None))
+    ]
     return Beside(
         sample_before=max(_next(session, measured, first, forward=False), default=None),
         sample_after=min(_next(session, measured, last, forward=True), default=None),
-        event_before=max(_next(session, [(Event.at, logged)], first, forward=False), default=None),
-        event_after=min(_next(session, [(Event.at, logged)], last, forward=True), default=None),
+        event_before=max(_next(session, logged, first, forward=False), default=None),
+        event_after=min(_next(session, logged, last, forward=True), default=None),
     )
 
 

@@ -73,7 +73,8 @@ def counts(
 ) -> dict[str, int]:
     """Return how many values of each channel a robot has, both ends of the time included.
 
-    At most the values of two of the shortest stretches are counted one by one.
+    At most the values of two of the shortest stretches are counted one by one. Channels are named
+    one by one in both tables: each is one range of their own order.
     """
     begin_us = -_FAR_US if start is None else microseconds(start)
     end_us = _FAR_US if end is None else microseconds(end) + 1
@@ -84,11 +85,11 @@ def counts(
         if piece.length_s:
             source, number = rollup, func.sum(rollup.size)
             where = [rollup.robot_key == robot_key, *piece.holds(rollup)]
+            where.append(rollup.channel_key.in_(select(ChannelRow.key)))
         else:
             source, number = table, func.count()
             where = [
                 table.robot_key == robot_key,
-                # Named one by one: each is one range of the table's own order.
                 table.channel_key.in_(select(ChannelRow.key)),
                 at >= piece.begin_us,
                 at < piece.end_us,
