@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from sqlalchemy import Engine, create_engine
+from sqlalchemy import Engine, create_engine, text
 from sqlalchemy.orm import Session
 
 from autonomy.estimation.energy_use import EnergyUse
@@ -322,7 +322,7 @@ def _fill(engine: Engine, past: list[Stay]) -> None:
                 connection.exec_driver_sql("PRAGMA synchronous=OFF")
             else:
                 connection.exec_driver_sql("SET session_replication_role = replica")
-            connection.exec_driver_sql(statement)
+            connection.execute(text(statement))
             connection.commit()
     if not is_sqlite(engine):
         with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
