@@ -1,7 +1,8 @@
 """Looks after a database from outside a station: is it whole, and a copy of it while it is used."""
 
+import os
 import sqlite3
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from db.fault import StoreUnavailableError
 from db.migrate import METADATA, configuration, schema_version
 
 _COMPLAINTS_MAX = 20
+_STEP_PAGES = 2048
 
 
 def sqlite_file(url: str) -> Path | None:
@@ -28,18 +30,40 @@ def sqlite_file(url: str) -> Path | None:
     return Path(parsed.database or "") if parsed.get_backend_name() == "sqlite" else None
 
 
-def copy_sqlite(source: Path, target: Path) -> None:
+def copy_sqlite(
+    source: Path, target: Path, on_step: Callable[[float], None] = lambda _: None
+) -> None:
     """Copy a database as it is at one moment, while others write it.
+
+    One reading transaction holds that moment, so that what is written meanwhile neither waits nor
+    starts the copy anew. What was copied goes to the disk bit by bit: a station's commit would
+    otherwise wait for all of it.
+
+    Args:
+        source: The database.
+        target: Where to, a new file; on the disk when this returns.
+        on_step: Told the share that is copied, every few megabytes; what it raises ends the copy.
 
     Raises:
         StoreUnavailableError: If it cannot be read.
     """
     with (
         _plainly(source),
-        closing(sqlite3.connect(source)) as whole,
+        closing(sqlite3.connect(source, isolation_level=None)) as whole,
         closing(sqlite3.connect(target)) as copy,
+        target.open("rb") as file,
     ):
-        whole.backup(copy)
+        copy.execute("PRAGMA synchronous=OFF")
+        whole.execute("BEGIN")
+        whole.execute("SELECT count(*) FROM sqlite_master").fetchone()
+
+        def step(status: int, remaining: int, total: int) -> None:
+            del status
+            os.fdatasync(file.fileno())
+            on_step(1.0 - remaining / max(1, total))
+
+        whole.backup(copy, pages=_STEP_PAGES, progress=step)
+        os.fsync(file.fileno())
 
 
 def complaints(url: str) -> list[str]:

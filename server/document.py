@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from pydantic import TypeAdapter
 from pydantic.json_schema import JsonSchemaMode
 
+from server.backup.backups import BackupResult
 from server.base.problem import ERROR_FAMILIES, MEDIA_TYPE
 from server.base.view import CURSOR_MAX, View
 from server.command.view import CommandView
@@ -51,6 +52,7 @@ JOB_RESULTS: tuple[type[Any], ...] = (
     FilmResult,
     StoragePassResult,
     StoragePreviewResult,
+    BackupResult,
 )
 """What jobs leave, of those that a program may want to read."""
 _REF = "#/components/schemas/{model}"

@@ -9,6 +9,7 @@ from server.access import install as access
 from server.access.access import Access
 from server.alarm import install as alarm
 from server.analysis import install as analysis
+from server.backup import install as backup
 from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.base_map import install as base_map
@@ -52,6 +53,7 @@ from server.water import install as water
 CAPABILITIES = (
     access,
     system,
+    backup,
     demo,
     base_map,
     vehicle,
@@ -121,7 +123,7 @@ class Station:
         make_gateways: GatewayFactory = Gateways,
     ) -> None:
         self._lifetime = foundation.lifetime
-        for first in (system, demo, base_map, vehicle, water, camera, fleet, deployment):
+        for first in (system, backup, demo, base_map, vehicle, water, camera, fleet, deployment):
             first.install(foundation)
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)

@@ -103,6 +103,7 @@ DRAFTS = {
     ("POST", "/api/logbook/pages/{page}/take"),
     ("POST", "/api/logbook/shifts"),
     ("POST", "/api/logbook/shifts/end"),
+    ("GET", "/api/backups"),
     ("GET", "/api/notices"),
     ("GET", "/api/notices/assignees/{alarm}"),
     ("DELETE", "/api/notices/contacts/{contact}"),
