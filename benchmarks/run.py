@@ -71,6 +71,7 @@ AREAS = {
     "samples": "benchmarks.station.samples",
     "large": "benchmarks.station.large",
     "decisions": "benchmarks.station.decisions",
+    "backup": "benchmarks.station.backup",
     "delivery": "benchmarks.station.delivery",
     "replay": "benchmarks.station.replay",
     "replay_page": "benchmarks.station.replay_page",
