@@ -3,8 +3,8 @@ import { told } from './call';
 import type { components, paths } from './generated/station';
 
 type Schemas = components['schemas'];
-export type Backups = Schemas['BackupsView'];
 export type BackupSettings = Required<Schemas['BackupSettings']>;
+export type Backups = Schemas['BackupsView'] & { settings: BackupSettings };
 
 /** Backups of the station, and when it makes them. */
 export class BackupApi {
@@ -14,7 +14,7 @@ export class BackupApi {
     this.#http = http;
   }
 
-  get = () => told(this.#http.GET('/api/backups'));
+  get = async () => (await told(this.#http.GET('/api/backups'))) as Backups;
   save = (body: BackupSettings) => told(this.#http.PUT('/api/backups/settings', { body }));
   begin = () => told(this.#http.POST('/api/backups'));
 }
