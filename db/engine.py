@@ -27,7 +27,7 @@ def write_engine(url: str) -> Engine:
     so an acknowledged row must survive a power cut as well as SIGKILL; batches keep the price
     at a few dozen syncs a second.
     """
-    engine = create_engine(url, pool_size=1, max_overflow=0)
+    engine = create_engine(url, pool_size=1, max_overflow=0, **_patience(url))
     if is_sqlite(engine):
         _prepare_sqlite(
             engine,
@@ -39,11 +39,36 @@ def write_engine(url: str) -> Engine:
 
 def read_engine(url: str) -> Engine:
     """Open an engine whose connections cannot change anything."""
-    engine = create_engine(url, pool_size=READERS, max_overflow=0, pool_timeout=30)
+    engine = create_engine(
+        url, pool_size=READERS, max_overflow=0, pool_timeout=30, **_patience(url)
+    )
     if is_sqlite(engine):
         _prepare_sqlite(engine, begin="BEGIN", pragmas=("query_only=ON",))
         return engine
     return engine.execution_options(postgresql_readonly=True, isolation_level="REPEATABLE READ")
+
+
+def _patience(url: str) -> dict[str, Any]:
+    """Return how an engine notices that a server is gone, and that it is back.
+
+    A connection that died is found before it is used again; one that nobody answers, because the
+    server's machine is gone, is given up after some seconds and not after a quarter of an hour.
+    """
+    parsed = make_url(url)
+    if parsed.get_backend_name() != "postgresql":
+        return {}
+    wanted = {name: value for name, value in _LIBPQ.items() if name not in parsed.query}
+    return {"pool_pre_ping": True, "connect_args": wanted}
+
+
+_LIBPQ = {
+    "connect_timeout": 5,
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
+"""Options of a connection to PostgreSQL, where its URL has none: s, and ms for the last."""
 
 
 @contextmanager

@@ -4,12 +4,14 @@ import asyncio
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Self, TypeVar
 
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from db.bridge import Bridge
 from db.engine import (
     READERS,
     check_url,
@@ -22,7 +24,14 @@ from db.engine import write_engine as open_write_engine
 from db.fault import StoreUnavailableError
 from db.ingest import Telemetry, append_telemetry
 from db.migrate import migrate
-from db.writer import ChangeListener, FaultListener, Writer
+from db.writer import (
+    BridgedListener,
+    ChangeListener,
+    FaultListener,
+    Kept,
+    Listeners,
+    Writer,
+)
 
 T = TypeVar("T")
 CLOSE_TIMEOUT_S = 10.0
@@ -36,21 +45,29 @@ class Store:
     works again.
     """
 
-    def __init__(self, write_engine: Engine, read_engine: Engine) -> None:
+    def __init__(
+        self, write_engine: Engine, read_engine: Engine, bridge: Bridge | None = None
+    ) -> None:
         self._write_engine = write_engine
         self._read_engine = read_engine
         self._listeners: list[FaultListener] = []
         self._changed: list[ChangeListener] = []
-        self._writer = Writer(write_engine, append_telemetry, self._tell, self._tell_change)
+        self._bridged: list[BridgedListener] = []
+        listeners = Listeners(self._tell, self._tell_change, self._tell_bridged)
+        self._writer = Writer(write_engine, append_telemetry, listeners, bridge)
         self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="db-reader")
 
     @classmethod
-    def open(cls, url: str, on_fault: FaultListener | None = None) -> Self:
+    def open(
+        cls, url: str, on_fault: FaultListener | None = None, *, bridge_dir: Path | None = None
+    ) -> Self:
         """Bring the schema up to date and start the writer.
 
         Args:
             url: SQLAlchemy URL of a SQLite file or a PostgreSQL database.
             on_fault: Called with each change of ``fault``.
+            bridge_dir: Folder of the bridge journal, which this process alone holds; without one
+                rows wait in memory while storage fails.
 
         Raises:
             DatabaseUrlError: If the URL names a database that cannot keep what it is given.
@@ -58,14 +75,20 @@ class Store:
         """
         check_url(url)
         engine = open_write_engine(url)
+        bridge = None if bridge_dir is None else Bridge(bridge_dir)
         try:
             migrate(engine)
+            if bridge is not None:
+                with Session(engine) as session:
+                    bridge.catch_up(session)
         except BaseException as error:
             engine.dispose()
+            if bridge is not None:
+                bridge.close()
             if not isinstance(error, DBAPIError) or not is_storage_fault(error):
                 raise
             raise StoreUnavailableError(opening_sentence(error)) from error
-        store = cls(engine, read_engine(url))
+        store = cls(engine, read_engine(url), bridge)
         if on_fault is not None:
             store.add_fault_listener(on_fault)
         return store
@@ -85,6 +108,16 @@ class Store:
         """Appended rows that are not committed yet."""
         return self._writer.waiting_rows
 
+    @property
+    def bridged_rows(self) -> int:
+        """Rows of these that are in the bridge journal, and survive the end of the station."""
+        return self._writer.bridged_rows
+
+    @property
+    def bridge_fault(self) -> str | None:
+        """Why rows that wait are in memory and not in the bridge journal, if they are."""
+        return self._writer.bridge_fault
+
     def add_fault_listener(self, listener: FaultListener) -> None:
         """Call ``listener`` on the writer's thread with each change of ``fault``."""
         self._listeners.append(listener)
@@ -102,6 +135,13 @@ class Store:
         finally:
             self._changed.remove(listener)
 
+    def add_bridged_listener(self, listener: BridgedListener) -> None:
+        """Call ``listener`` on the writer's thread with rows of the bridge journal.
+
+        They are in the database then; whoever appended them was told only that they are kept.
+        """
+        self._bridged.append(listener)
+
     def change(self, function: Callable[[Session], T]) -> "Future[T]":
         """Run ``function`` in a transaction of its own; the future resolves after the commit.
 
@@ -114,13 +154,13 @@ class Store:
         """Await ``change``."""
         return await asyncio.wrap_future(self._writer.change(function))
 
-    def append(self, values: Sequence[Telemetry]) -> "Future[None]":
+    def append(self, values: Sequence[Telemetry]) -> "Future[Kept]":
         """Take telemetry for the next batch, at most 50 ms later.
 
-        The future resolves once the rows are committed: only then may a robot be told to forget
-        them. While storage fails the rows wait and are tried again; it fails with
-        ``BufferFullError`` when too many wait already, and with ``UnknownIdError`` for a robot
-        that the station does not know.
+        The future resolves once the rows are committed or, while storage fails, in the bridge
+        journal: only then may a robot be told to forget them. Where neither takes them the rows
+        wait and are tried again; it fails with ``BufferFullError`` when too many wait already,
+        and with ``UnknownIdError`` for a robot that the station does not know.
         """
         return self._writer.append(values)
 
@@ -158,6 +198,10 @@ class Store:
     def _tell_change(self, events: Sequence[object]) -> None:
         for listener in list(self._changed):
             listener(events)
+
+    def _tell_bridged(self, rows: Sequence[Telemetry]) -> None:
+        for listener in list(self._bridged):
+            listener(rows)
 
     def _tell(self, fault: str | None) -> None:
         for listener in list(self._listeners):

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, TypeVar
 
 from sqlalchemy import Engine
@@ -15,6 +16,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from db.actor import Actor, acting, set_actor
+from db.bridge import Batch, Bridge
 from db.engine import fault_sentence, is_storage_fault
 from db.fault import BufferFullError, StoreClosedError, StoreUnavailableError
 
@@ -22,8 +24,11 @@ T = TypeVar("T")
 Append = Callable[[Session, Sequence[Any]], None]
 FaultListener = Callable[[str | None], None]
 ChangeListener = Callable[[Sequence[object]], object]
+BridgedListener = Callable[[Sequence[Any]], object]
 
 BATCH_PERIOD_S = 0.05
+BATCH_ROWS_MAX = 5_000
+"""Of a transaction; an append of more is one of its own."""
 RETRY_PERIOD_S = 0.5
 BUFFERED_ROWS_MAX = 200_000
 
@@ -49,35 +54,58 @@ class _Change:
     actor: Actor | None
 
 
+class Kept(Enum):
+    """Where appended rows are; they survive whatever ends the station in either."""
+
+    DATABASE = "database"
+    BRIDGE = "bridge"
+    """In the bridge journal, on their way into the database."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Rows:
     rows: Sequence[Any]
-    future: Future[None]
+    future: Future[Kept]
+
+
+@dataclass(frozen=True, slots=True)
+class Listeners:
+    """Whom a writer tells; each is called on its thread."""
+
+    fault: FaultListener
+    change: ChangeListener
+    bridged: BridgedListener
+    """Is given rows of the bridge journal that are in the database now."""
 
 
 class Writer:
     """Runs changes one after another and commits appended rows in batches.
 
     Work is done in the order in which it came, as long as storage works. A change that meets
-    failing storage is refused, because its caller can say so to a person; appended rows wait in
-    memory and are tried again, and their futures resolve only after the commit that holds them.
+    failing storage is refused, because its caller can say so to a person. Appended rows go into
+    the bridge journal then, and from there into the database, the oldest first, before any later
+    ones; without a journal, or room for it, they wait in memory. Their futures resolve once they
+    would survive the end of the station.
     """
 
     def __init__(
-        self, engine: Engine, append: Append, on_fault: FaultListener, on_change: ChangeListener
+        self, engine: Engine, append: Append, listeners: Listeners, bridge: Bridge | None = None
     ) -> None:
         self._engine = engine
         self._append = append
-        self._on_fault = on_fault
-        self._on_change = on_change
+        self._listeners = listeners
+        self._bridge = bridge
         self._inbox: queue.SimpleQueue[_Change | _Rows | None] = queue.SimpleQueue()
         self._pending: deque[_Rows] = deque()
         self._pending_since_s = 0.0
+        self._tried: tuple[list[_Rows], Batch] | None = None
+        """What was handed to the database last, and may be in it or not."""
         self._retry_at_s = 0.0
         self._waiting_rows = 0
         self._count_lock = threading.Lock()
         self._closed = False
         self.fault: str | None = None
+        self.bridge_fault: str | None = None
         self.commits = 0
         self._thread = threading.Thread(target=self._run, name="db-writer", daemon=True)
         self._thread.start()
@@ -91,9 +119,9 @@ class Writer:
             self._inbox.put(_Change(function, future, acting.get()))
         return future
 
-    def append(self, rows: Sequence[Any]) -> "Future[None]":
-        """Queue rows for the next batch; the future resolves after their commit."""
-        future: Future[None] = Future()
+    def append(self, rows: Sequence[Any]) -> "Future[Kept]":
+        """Queue rows for the next batch; the future resolves once they are kept."""
+        future: Future[Kept] = Future()
         # From here on nobody can cancel: rows that were taken are written.
         future.set_running_or_notify_cancel()
         with self._count_lock:
@@ -110,10 +138,15 @@ class Writer:
     @property
     def waiting_rows(self) -> int:
         """Rows that were taken but are not committed yet."""
-        return self._waiting_rows
+        return self._waiting_rows + self.bridged_rows
+
+    @property
+    def bridged_rows(self) -> int:
+        """Rows of these that are in the bridge journal."""
+        return 0 if self._bridge is None else self._bridge.waiting_rows
 
     def close(self, timeout_s: float) -> None:
-        """Write what is queued, then end the thread; rows that cannot be written fail."""
+        """Write what is queued, then end the thread; rows that cannot be kept fail."""
         with self._count_lock:
             if self._closed:
                 return
@@ -142,51 +175,173 @@ class Writer:
         self._flush()
         for left in self._pending:
             left.future.set_exception(StoreUnavailableError(self.fault or "The station stopped."))
+        if self._bridge is not None:
+            self._bridge.close()
 
     def _patience_s(self) -> float | None:
-        if not self._pending:
-            return None
-        due_s = max(self._pending_since_s + BATCH_PERIOD_S, self._retry_at_s)
-        return max(0.0, due_s - time.monotonic())
+        """Return how long nothing need be done, ``None`` for until something comes."""
+        due_s: list[float] = []
+        if self._pending:
+            goes_aside = self._bridge is not None and self.bridge_fault is None
+            rest_s = 0.0 if goes_aside else self._retry_at_s
+            due_s.append(max(self._pending_since_s + BATCH_PERIOD_S, rest_s))
+        if self.bridged_rows:
+            due_s.append(self._retry_at_s)
+        return max(0.0, min(due_s) - time.monotonic()) if due_s else None
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the database failed a moment ago."""
+        return time.monotonic() < self._retry_at_s and not self._closed
 
     def _flush(self) -> None:
-        """Commit every pending row in one transaction, or keep them all."""
-        if not self._pending or (time.monotonic() < self._retry_at_s and not self._closed):
-            return
-        batch = list(self._pending)
+        """Bring every pending row into the database, or else to the disk, or else keep it."""
+        bridge = self._bridge
+        if bridge is not None and (bridge.waiting_rows or self.fault is not None):
+            self._pass_by(bridge)
+            if bridge.waiting_rows:
+                return
         try:
-            self._commit(lambda session: self._append(session, [r for b in batch for r in b.rows]))
+            while self._pending and not self._rests:
+                self._write_pending()
         except StoreUnavailableError:
             self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
-            return
+            if bridge is not None:
+                self._put_aside(bridge)
+
+    def _pass_by(self, bridge: Bridge) -> None:
+        """Let pending rows wait behind those on the disk, and write the oldest of these."""
+        age_s = time.monotonic() - self._pending_since_s
+        if age_s >= BATCH_PERIOD_S or self._closed:
+            self._put_aside(bridge)
+        if bridge.waiting_rows and not self._rests and not self._closed:
+            self._empty(bridge)
+
+    def _write_pending(self) -> None:
+        items, batch = self._next_batch()
+        try:
+            self._commit(lambda session: self._keep(session, batch))
+        except StoreUnavailableError:
+            raise
         except Exception:
             # One bad row must not take the others with it.
-            logger.exception("a batch of %d appends failed; trying them one by one", len(batch))
-            self._append_singly(batch)
-            return
-        self._settle(batch)
+            logger.exception("a batch of %d appends failed; trying them one by one", len(items))
+            self._append_singly(items)
+        else:
+            self._settle(items, Kept.DATABASE)
 
-    def _append_singly(self, batch: list[_Rows]) -> None:
-        for item in batch:
+    def _next_batch(self) -> tuple[list[_Rows], Batch]:
+        """Return what is to be kept next: the same again until it is known to be kept."""
+        if self._tried is None:
+            items: list[_Rows] = []
+            size = 0
+            for item in self._pending:
+                if items and size + len(item.rows) > BATCH_ROWS_MAX:
+                    break
+                items.append(item)
+                size += len(item.rows)
+            self._tried = items, self._batch(items)
+        return self._tried
+
+    def _batch(self, items: Sequence[_Rows]) -> Batch:
+        rows = [row for item in items for row in item.rows]
+        return Batch(0, rows) if self._bridge is None else self._bridge.batch(rows)
+
+    def _keep(self, session: Session, batch: Batch) -> None:
+        if self._bridge is None or self._bridge.keep_once(session, batch):
+            self._append(session, batch.rows)
+
+    def _append_singly(self, items: Sequence[_Rows]) -> None:
+        for item in items:
+            self._tried = [item], self._batch([item])
             try:
-                self._commit(lambda session, rows=item.rows: self._append(session, rows))
+                self._commit(lambda session: self._keep(session, self._next_batch()[1]))
             except StoreUnavailableError:
-                self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
-                return
+                raise
             except Exception as error:  # noqa: BLE001 - the error belongs to whoever gave the rows
                 self._settle([item], error)
             else:
-                self._settle([item])
+                self._settle([item], Kept.DATABASE)
 
-    def _settle(self, items: list[_Rows], error: BaseException | None = None) -> None:
+    def _put_aside(self, bridge: Bridge) -> None:
+        """Have every pending row wait on the disk; without room there, it waits in memory."""
+        while self._pending:
+            items, batch = self._next_batch()
+            try:
+                bridge.put(batch)
+            except OSError as error:
+                if self.bridge_fault is None:
+                    logger.warning("rows wait in memory, not in the bridge journal: %s", error)
+                self.bridge_fault = error.strerror or str(error)
+                return
+            self.bridge_fault = None
+            self._settle(items, Kept.BRIDGE)
+
+    def _empty(self, bridge: Bridge) -> None:
+        """Bring the oldest rows of the bridge journal into the database."""
+        try:
+            batches = bridge.oldest(BATCH_ROWS_MAX)
+            kept = self._write(bridge, batches)
+            bridge.written()
+        except (StoreUnavailableError, OSError) as error:
+            if isinstance(error, OSError):
+                logger.warning("the bridge journal is not emptied: %s", error)
+            self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
+            return
+        try:
+            self._listeners.bridged(kept)
+        except Exception:
+            logger.exception("a listener for rows of the bridge journal failed")
+
+    def _write(self, bridge: Bridge, batches: Sequence[Batch]) -> Sequence[Any]:
+        """Write batches of the bridge journal; return the rows that are in the database now."""
+
+        def all_of_them(session: Session) -> None:
+            for batch in batches:
+                self._keep(session, batch)
+
+        rows = [row for batch in batches for row in batch.rows]
+        try:
+            self._commit(all_of_them)
+        except StoreUnavailableError:
+            raise
+        except Exception:
+            logger.exception("rows of the bridge journal failed; trying them one by one")
+        else:
+            return rows
+        kept, _ = self._commit(lambda session: self._write_singly(session, bridge, batches))
+        return kept
+
+    def _write_singly(
+        self, session: Session, bridge: Bridge, batches: Sequence[Batch]
+    ) -> Sequence[Any]:
+        kept: list[Any] = []
+        for batch in batches:
+            rows = batch.rows if bridge.keep_once(session, batch) else ()
+            for row in rows:
+                try:
+                    with session.begin_nested():
+                        self._append(session, [row])
+                except DBAPIError as error:
+                    if is_storage_fault(error):
+                        raise
+                    bridge.refuse([row], error)
+                except Exception as error:  # noqa: BLE001 - it is told with the row
+                    bridge.refuse([row], error)
+                else:
+                    kept.append(row)
+        return kept
+
+    def _settle(self, items: Sequence[_Rows], outcome: Kept | BaseException) -> None:
+        self._tried = None
         for item in items:
             self._pending.remove(item)
             with self._count_lock:
                 self._waiting_rows -= len(item.rows)
-            if error is None:
-                item.future.set_result(None)
+            if isinstance(outcome, Kept):
+                item.future.set_result(outcome)
             else:
-                item.future.set_exception(error)
+                item.future.set_exception(outcome)
 
     def _change(self, item: _Change) -> None:
         if not item.future.set_running_or_notify_cancel():
@@ -201,7 +356,7 @@ class Writer:
 
     def _tell(self, events: Sequence[object]) -> None:
         try:
-            self._on_change(events)
+            self._listeners.change(events)
         except Exception:
             logger.exception("a listener for changes failed")
 
@@ -227,6 +382,6 @@ class Writer:
             return
         self.fault = fault
         try:
-            self._on_fault(fault)
+            self._listeners.fault(fault)
         except Exception:
             logger.exception("the listener for storage faults failed")

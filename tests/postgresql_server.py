@@ -38,7 +38,7 @@ class PostgresqlServer:
             [_program("postgres"), "-D", str(self._folder / "data"), "-k", str(self._folder),
              "-h", "", "-F", "-c", "max_connections=60"],
             user=self._user, cwd=self._folder, env=_environment(),
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         while self._ask("SELECT 1").returncode != 0:
             assert self._process.poll() is None, "the server ended"
@@ -48,6 +48,21 @@ class PostgresqlServer:
         if self._process is not None:
             self._process.send_signal(signal.SIGINT)
             self._process.wait()
+
+    def kill(self) -> None:
+        """Kill the server with all its processes, as a machine does that loses its power."""
+        assert self._process is not None
+        os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    @contextmanager
+    def down(self) -> Generator[None]:
+        """Have no server for a while."""
+        self.stop()
+        try:
+            yield
+        finally:
+            self.start()
 
     def database(self, template: str = "template0") -> str:
         """Make a database, as a copy of another that nobody uses; return its name."""

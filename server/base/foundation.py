@@ -102,7 +102,9 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     """
     settings.data_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     clock = read_clock(settings.clock_file)
-    store = await asyncio.to_thread(Store.open, settings.resolved_database_url)
+    store = await asyncio.to_thread(
+        Store.open, settings.resolved_database_url, bridge_dir=settings.data_dir
+    )
     stack.push_async_callback(asyncio.to_thread, store.close)
     bus = EventBus()
     stack.enter_context(_telling(store, bus))
@@ -200,7 +202,7 @@ async def watch_storage(store: Store, alarms: AlarmBoard, clock: Clock) -> None:
             continue
         await alarms.raise_(
             CAUSE,
-            f"{fault} Plans and commands are refused; telemetry waits in memory.",
+            f"{fault} Plans and commands are refused; {_where_rows_wait(store)}",
             level="critical",
         )
         with contextlib.suppress(TimeoutError):
@@ -210,3 +212,12 @@ async def watch_storage(store: Store, alarms: AlarmBoard, clock: Clock) -> None:
             at = clock.now().isoformat()
             await store.write(lambda session, at=at: put_setting(session, "storage", {"at": at}))
             await alarms.save_waiting()
+
+
+def _where_rows_wait(store: Store) -> str:
+    if store.bridge_fault is None:
+        return "telemetry waits on the disk."
+    return (
+        f"telemetry waits in memory, as the disk does not take it ({store.bridge_fault}): robots "
+        "keep their samples, but what they say only once is lost if the station ends."
+    )

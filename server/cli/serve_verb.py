@@ -10,7 +10,7 @@ from argparse import SUPPRESS, ArgumentParser, Namespace
 from pathlib import Path
 
 import uvicorn
-from fastapi import FastAPI
+from starlette.types import ASGIApp
 
 import autonomy
 from db.fault import StoreError
@@ -25,6 +25,7 @@ from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
 from server.cli.option import add_data_option
 from server.cli.service.manager import ServiceManager, keep_alive
 from server.system.certificate import CertificateError, ServedCertificate
+from server.system.database_wait import WaitingPage, wait_for_database
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128
@@ -106,10 +107,15 @@ def _keep_machine_code(folder: Path) -> None:
 
 
 async def _serve(settings: Settings, listener: socket.socket, manager: ServiceManager) -> None:
+    if not await _is_database_there(settings, listener, manager):
+        return
     app = create_app(settings)
     async with app.router.lifespan_context(app):
         foundation: Foundation = app.state.foundation
-        server = _server(app, foundation)
+        services = foundation.services
+        server = _server(
+            app, settings, services.get(ServedCertificate) if settings.has_tls else None
+        )
         server.stop_on_signals()
         _reload_on_signal(foundation, manager)
         # Connections wait in the listener's queue from here on, so the address may be told.
@@ -119,6 +125,23 @@ async def _serve(settings: Settings, listener: socket.socket, manager: ServiceMa
         foundation.background.start("signs of life", keep_alive(manager, foundation.store))
         await server.serve(sockets=[listener])
         manager.stopping()
+
+
+async def _is_database_there(
+    settings: Settings, listener: socket.socket, manager: ServiceManager
+) -> bool:
+    """Wait for the database, alive and answering; tell whether to go on."""
+    certificate = None
+    if settings.tls_certificate is not None and settings.tls_key is not None:
+        certificate = ServedCertificate(settings.tls_certificate, settings.tls_key)
+    server = _server(WaitingPage(), settings, certificate)
+    server.stop_on_signals()
+
+    def waiting() -> None:
+        manager.ready("Waiting for the database")
+        manager.alive()
+
+    return await wait_for_database(settings.resolved_database_url, server, listener, waiting)
 
 
 def _reload_on_signal(foundation: Foundation, manager: ServiceManager) -> None:
@@ -133,9 +156,8 @@ def _reload_on_signal(foundation: Foundation, manager: ServiceManager) -> None:
     asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, reload)
 
 
-def _server(app: FastAPI, foundation: Foundation) -> HttpServer:
-    settings = foundation.settings
-    context = foundation.services.get(ServedCertificate).context if settings.has_tls else None
+def _server(app: ASGIApp, settings: Settings, certificate: ServedCertificate | None) -> HttpServer:
+    context = None if certificate is None else certificate.context
     return HttpServer(
         uvicorn.Config(
             app,

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import Future
 from datetime import datetime
 from typing import Final
@@ -10,8 +11,10 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from db.fault import StoreUnavailableError
+from db.ingest import Telemetry
 from db.query.camera.fixes import FixRecord, mark_sent
 from db.store import Store
+from db.writer import Kept
 from robot_link.camera.fix import CameraFix
 from robot_link.clock import Clock
 from robot_link.report import Reading
@@ -32,7 +35,7 @@ SENT_MAX: Final = 20_000
 class FixRecords:
     """Keeps fixes. Belongs to one event loop.
 
-    While storage fails, they wait in memory as all telemetry does (``db.writer``).
+    While storage fails, they wait as all telemetry does (``db.writer``).
     """
 
     def __init__(self, store: Store, clock: Clock, bus: EventBus, fleet: Fleet) -> None:
@@ -40,12 +43,20 @@ class FixRecords:
         self._clock = clock
         self._bus = bus
         self._sent: deque[tuple[CameraFix, datetime]] = deque(maxlen=SENT_MAX)
+        loop = asyncio.get_running_loop()
+
+        def bridged(rows: Sequence[Telemetry]) -> None:
+            robots = {row.robot for row in rows if isinstance(row, FixRecord)}
+            if robots and not loop.is_closed():
+                loop.call_soon_threadsafe(bus.publish, *map(FixesStored, robots))
+
+        store.add_bridged_listener(bridged)
 
     def take(self, event: FixFound) -> None:
         """Have a fix written with the next batch."""
         fix, loop = event.fix, asyncio.get_running_loop()
 
-        def written(future: "Future[None]") -> None:
+        def written(future: "Future[Kept]") -> None:
             if not loop.is_closed():
                 loop.call_soon_threadsafe(self._written, future, fix)
 
@@ -56,8 +67,8 @@ class FixRecords:
         """Keep how far a robot is from where cameras saw it, as a reading of it."""
         loop = asyncio.get_running_loop()
 
-        def written(future: "Future[None]") -> None:
-            if not loop.is_closed() and future.exception() is None:
+        def written(future: "Future[Kept]") -> None:
+            if not loop.is_closed() and _is_in_database(future):
                 told = ReadingsStored([reading]), ValuesStored(reading.robot)
                 loop.call_soon_threadsafe(self._bus.publish, *told)
 
@@ -94,9 +105,13 @@ class FixRecords:
             for robot in {fix.robot for fix, _ in sent}:
                 self._bus.publish(FixesStored(robot))
 
-    def _written(self, future: "Future[None]", fix: CameraFix) -> None:
-        error = future.exception()
-        if error is None:
+    def _written(self, future: "Future[Kept]", fix: CameraFix) -> None:
+        if _is_in_database(future):
             self._bus.publish(FixesStored(fix.robot))
-        else:
+        elif (error := future.exception()) is not None:
             log.error("a fix of %s was not kept: %s", fix.robot, error)
+
+
+def _is_in_database(future: "Future[Kept]") -> bool:
+    """Tell whether a row is in the database; one in the bridge journal is told of later."""
+    return future.exception() is None and future.result() is Kept.DATABASE

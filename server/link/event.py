@@ -27,7 +27,7 @@ from robot_link.report import (
 
 @dataclass(frozen=True, slots=True)
 class SamplesStored:
-    """Measurements that are in the database or the journal: their robot may forget them."""
+    """Measurements that are in the database or the raw journal: their robot may forget them."""
 
     samples: Sequence[Sample]
     """Believable; some may have been told before."""
@@ -37,12 +37,23 @@ class SamplesStored:
 
 @dataclass(frozen=True, slots=True)
 class DetectionsStored:
-    """Heard tags that are in the database or the journal: their robot may forget them."""
+    """Heard tags that are in the database or the raw journal: their robot may forget them."""
 
     detections: Sequence[Detection]
     """Believable; some may have been told before."""
     refused: Sequence[Detection]
     """Of these only the bytes are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryBridged:
+    """What is in the bridge journal while the database fails: its robot may forget it.
+
+    ``SamplesStored`` and ``DetectionsStored`` tell of it once more when it is in the database.
+    """
+
+    samples: SamplesStored
+    heard: DetectionsStored
 
 
 @dataclass(frozen=True, slots=True)

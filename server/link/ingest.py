@@ -1,13 +1,15 @@
 """The way in: everything that a link decoded, into the database first and then to who waits.
 
-Samples are lossless: a robot is told to forget one only after it was committed, and one that comes
-twice is stored once. Gauges and alarms are latest-wins and do not wait for the database.
+Samples are lossless: a robot is told to forget one only after it was committed or, while the
+database fails, is in the bridge journal; one that comes twice is stored once. What waits for the
+database is told of when it has come from there. Gauges and alarms are latest-wins and wait for
+neither.
 """
 
 import asyncio
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from datetime import datetime
@@ -20,6 +22,7 @@ from db.fault import StoreError
 from db.ingest import Telemetry
 from db.query.station.events import add_event
 from db.store import Store
+from db.writer import Kept
 from robot_link.channel_table import ChannelPage, TableVersion, version_text
 from robot_link.clock import Clock
 from robot_link.messages import (
@@ -77,12 +80,14 @@ from server.link.event import (
     SamplesStored,
     StateReported,
     TargetReported,
+    TelemetryBridged,
     UploadReported,
     ValuesStored,
 )
 
 log = logging.getLogger(__name__)
 
+Value = TypeVar("Value")
 Judged = TypeVar("Judged", bound=RobotReport | ChannelPage, contravariant=True)
 
 
@@ -101,11 +106,12 @@ GATHER_S = 0.05
 
 
 class _Told(NamedTuple):
-    """What is told once it is committed."""
+    """What is told once it is kept."""
 
-    samples: list[Sample]
-    refused: list[Sample]
+    samples: SamplesStored
+    heard: DetectionsStored
     readings: list[Reading]
+    robots: set[RobotId]
 
 
 class Ingest:
@@ -133,7 +139,7 @@ class Ingest:
         self._heard_refused: list[Detection] = []
         self._readings: list[Reading] = []
         self._flush: asyncio.TimerHandle | None = None
-        self._stored: Future[None] | None = None
+        self._stored: Future[Kept] | None = None
         """What was handed to the database last."""
         self._clocks: dict[RobotId, ClockJudge] = {}
         self._plans_told: dict[RobotId, datetime] = {}
@@ -142,6 +148,7 @@ class Ingest:
         self._receivers_off: set[RobotId] = set()
         """Robots whose tag receiver's clock is wrong, as was told."""
         self._notes: set[asyncio.Task[None]] = set()
+        store.add_bridged_listener(self._on_loop(self._come_from_the_bridge))
 
     def take(self, event: LinkEvent, *, is_prompt: bool = True) -> None:
         """Take one event of a link.
@@ -195,7 +202,7 @@ class Ingest:
                 self._bus.publish(ControlRequested(event))
 
     async def store(self, events: Sequence[LinkEvent]) -> None:
-        """Take what may have been long on its way; return once everything is committed.
+        """Take what may have been long on its way; return once everything is kept.
 
         Raises:
             StoreError: If it was not; whoever brings the events must bring them again.
@@ -207,12 +214,12 @@ class Ingest:
             await asyncio.wrap_future(stored)
 
     async def settle(self) -> None:
-        """Return once everything that was taken before is committed, or is known not to be."""
+        """Return once everything that was taken before is kept, or is known not to be."""
         self.flush()
         if self._stored is not None:
             await asyncio.gather(asyncio.wrap_future(self._stored), return_exceptions=True)
 
-    def flush(self) -> "Future[None] | None":
+    def flush(self) -> "Future[Kept] | None":
         """Hand everything that waits to the database now; ``None`` if nothing waits."""
         if self._flush is not None:
             self._flush.cancel()
@@ -220,21 +227,29 @@ class Ingest:
         if not self._rows:
             return None
         rows = self._rows
-        told = _Told(self._samples, self._refused, self._readings)
-        robots = {row.robot for row in rows if isinstance(row, StateReport | Sample | Reading)}
-        heard = DetectionsStored(self._heard, self._heard_refused)
+        told = _Told(
+            SamplesStored(self._samples, self._refused),
+            DetectionsStored(self._heard, self._heard_refused),
+            self._readings,
+            _robots(rows),
+        )
         self._rows, self._samples, self._refused, self._readings = [], [], [], []
         self._heard, self._heard_refused = [], []
-        loop = asyncio.get_running_loop()
-
-        def committed(future: "Future[None]") -> None:
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(self._committed, future, told, robots, heard)
-
         stored = self._store.append(rows)
-        stored.add_done_callback(committed)
+        stored.add_done_callback(self._on_loop(partial(self._kept, told)))
         self._stored = stored
         return stored
+
+    @staticmethod
+    def _on_loop(take: Callable[[Value], None]) -> Callable[[Value], None]:
+        """Return what has a value taken on this event loop, from whatever thread it comes."""
+        loop = asyncio.get_running_loop()
+
+        def tell(value: Value) -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(take, value)
+
+        return tell
 
     def _clock_of(self, robot: RobotId) -> ClockJudge:
         return self._clocks.setdefault(robot, ClockJudge(self._clock.speed))
@@ -447,24 +462,42 @@ class Ingest:
         self._told_faults.discard((report.robot, what))
         return report
 
-    def _committed(
-        self,
-        future: "Future[None]",
-        told: "_Told",
-        robots: set[RobotId],
-        heard: DetectionsStored,
-    ) -> None:
+    def _kept(self, told: _Told, future: "Future[Kept]") -> None:
         error = future.exception()
         if error is not None:
             log.error("telemetry was not stored: %s", error)
-            return
-        if told.samples or told.refused:
-            self._bus.publish(SamplesStored(told.samples, told.refused))
+        elif future.result() is Kept.BRIDGE:
+            self._bus.publish(TelemetryBridged(told.samples, told.heard))
+        else:
+            self._tell(told)
+
+    def _come_from_the_bridge(self, rows: Sequence[Telemetry]) -> None:
+        """Tell of rows that waited in the bridge journal and are in the database now."""
+        catalogue = self._channels.catalogue
+        samples: tuple[list[Sample], list[Sample]] = [], []
+        readings: list[Reading] = []
+        for row in rows:
+            match row:
+                case Sample(variable=key) if key in catalogue:
+                    samples[catalogue[key].fault(row.value) is not None].append(row)
+                case Reading(channel=key) if key in catalogue:
+                    if catalogue[key].fault(row.value) is None:
+                        readings.append(row)
+                case _:
+                    pass
+        heard = [row for row in rows if isinstance(row, Detection)]
+        stored = SamplesStored(*samples), DetectionsStored(heard, [])
+        self._tell(_Told(*stored, readings, _robots(rows)))
+
+    def _tell(self, told: _Told) -> None:
+        samples, heard = told.samples, told.heard
+        if samples.samples or samples.refused:
+            self._bus.publish(samples)
         if told.readings:
             self._bus.publish(ReadingsStored(told.readings))
         if heard.detections or heard.refused:
             self._bus.publish(heard)
-        for robot in robots:
+        for robot in told.robots:
             self._bus.publish(ValuesStored(robot))
 
     def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
@@ -495,3 +528,8 @@ class Ingest:
             )
         except StoreError:
             log.warning("%s", text)
+
+
+def _robots(rows: Sequence[Telemetry]) -> set[RobotId]:
+    """Return the robots whose values are among rows."""
+    return {row.robot for row in rows if isinstance(row, StateReport | Sample | Reading)}

@@ -18,6 +18,7 @@ from server.link.event import (
     RadiosChanged,
     SamplesStored,
     StateReported,
+    TelemetryBridged,
     ValuesStored,
 )
 from server.link.ingest import Ingest
@@ -127,6 +128,11 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
         for robot in {sample.robot for sample in event.samples}:
             derived.look_at(robot)
 
+    def acknowledge_bridged(event: TelemetryBridged) -> None:
+        radios.acknowledge(event.samples)
+        radios.acknowledge(event.heard)
+
+    bus.subscribe(TelemetryBridged, acknowledge_bridged)
     bus.subscribe(SamplesStored, radios.acknowledge)
     bus.subscribe(DetectionsStored, radios.acknowledge)
     bus.subscribe(SamplesStored, follow)

@@ -11,8 +11,10 @@ from db.fault import StoreUnavailableError
 from db.query.fleet.robots import list_robots
 from server.access.dependency import AccessDep
 from server.base.dependency import FoundationDep
+from server.base.foundation import CAUSE, Foundation
 from server.base.view import View, one_of
 from server.system.certificate import ServedCertificate
+from server.system.storage_fault import storage_sentence
 
 router = APIRouter(prefix="/api/health", tags=["station"])
 
@@ -26,9 +28,13 @@ class StorageView(View):
 
     ok: bool
     message: str
-    """What is wrong, in one sentence; empty while nothing is."""
+    """What is wrong, since when, and where telemetry waits; empty while nothing is."""
+    since: datetime | None
+    """Since when it fails, by the robots' clock; ``null`` while it works."""
     waiting_rows: int
     """Telemetry that waits to be written."""
+    bridged_rows: int
+    """How much of that is in the bridge journal on the disk, and survives the station's end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,7 @@ async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView
         simulation=foundation.settings.simulation,
         demo=foundation.settings.demo_port is not None,
         version=version("grace-ground-station"),
-        storage=StorageView(fault is None, fault or "", store.waiting_rows),
+        storage=_storage(foundation, fault),
         robots=robots,
         clock=ClockView(foundation.clock.now(), foundation.clock.speed),
         unacknowledged_alarms=foundation.alarms.unacknowledged,
@@ -93,4 +99,17 @@ async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView
             if foundation.settings.has_tls
             else None
         ),
+    )
+
+
+def _storage(foundation: Foundation, fault: str | None) -> StorageView:
+    store = foundation.store
+    alarm = None if fault is None else foundation.alarms.standing(CAUSE, None)
+    since = None if alarm is None else alarm.raised_at
+    return StorageView(
+        ok=fault is None,
+        message=storage_sentence(store, fault, since),
+        since=since,
+        waiting_rows=store.waiting_rows,
+        bridged_rows=store.bridged_rows,
     )

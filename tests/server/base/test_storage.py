@@ -3,6 +3,7 @@
 import asyncio
 import sqlite3
 from contextlib import contextmanager
+from datetime import datetime
 
 import pytest
 
@@ -51,7 +52,14 @@ async def test_a_locked_database_raises_one_alarm_and_refuses_changes(tmp_path):
             assert (alarm["level"], alarm["state"]) == ("critical", "unacknowledged")
             health = (await admin.get("/api/health")).json()
             assert (health["status"], health["ready"]) == ("degraded", False)
-            assert health["storage"]["waiting_rows"] == 1
+            storage = health["storage"]
+            assert (storage["waiting_rows"], storage["bridged_rows"]) == (1, 1)
+            assert datetime.fromisoformat(storage["since"]) == datetime.fromisoformat(
+                alarm["raised_at"]
+            )
+            assert "It fails since " in storage["message"]
+            assert storage["message"].endswith("1 rows wait on the disk.")
+            assert alarm["text"].endswith("telemetry waits on the disk.")
             assert (await admin.get("/api/config/planner")).status_code == 200
         await asyncio.wait_for(waiting, 60)
 

@@ -1,3 +1,4 @@
+import errno
 import math
 import sqlite3
 from dataclasses import replace
@@ -5,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from db.frame_file import FrameFile
 from db.query.measured.samples import newest_samples, sample_columns
 from db.query.station.events import newest_events
 from db.sample_tables import SampleRow
@@ -12,6 +14,7 @@ from db.tables import RawFrameRow, StateRow
 from db.tag_tables import DetectionRow
 from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.report import Detection, ReceiverReport
+from server.link.event import SamplesStored
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report
 
@@ -42,16 +45,43 @@ async def test_sample_that_comes_twice_is_stored_once_and_acknowledged_again(
     assert await count(foundation, SampleRow) == 1
 
 
-async def test_no_sample_is_acknowledged_while_the_database_is_locked(
-    station, foundation, world, tmp_path
-):
+@pytest.fixture
+def locked(tmp_path):
+    """Another program that holds the write lock; closing it sets the database free."""
     other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
-    other.execute("BEGIN EXCLUSIVE")
-    world.robots[MINI].sample((1.0, 0.5, 0.2))
-    await until(lambda: foundation.store.fault is not None)
-    assert world.acknowledged == []
-    other.execute("ROLLBACK")
+    yield other
     other.close()
+
+
+async def test_a_sample_is_acknowledged_from_the_disk_while_the_database_is_locked(
+    station, foundation, world, locked
+):
+    stored = []
+    foundation.bus.subscribe(SamplesStored, lambda event: stored.extend(event.samples))
+    locked.execute("BEGIN EXCLUSIVE")
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await until(lambda: world.acknowledged == [(MINI, 1, 0)])
+    assert foundation.store.bridged_rows > 0
+    assert stored == []
+    locked.close()
+    await until(lambda: [one.sequence for one in stored] == [0])
+    assert foundation.store.bridged_rows == 0
+    assert len(await stored_samples(foundation)) == 1
+    assert set(world.acknowledged) == {(MINI, 1, 0)}
+
+
+async def test_no_sample_is_acknowledged_that_neither_database_nor_disk_takes(
+    station, foundation, world, locked, monkeypatch
+):
+    def no_room(self, payload):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(FrameFile, "append", no_room)
+    locked.execute("BEGIN EXCLUSIVE")
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await until(lambda: foundation.store.bridge_fault is not None)
+    assert world.acknowledged == []
+    locked.close()
     await until(lambda: world.acknowledged)
     assert len(await stored_samples(foundation)) == 1
 

@@ -249,7 +249,8 @@ export function capital(text: string): string {
 
 export function healthSentence(health: Health): string | null {
   if (!health.storage.ok) {
-    return `Storage fault: ${health.storage.message}. No plan is accepted until it is cured.`;
+    return `Storage fault: ${health.storage.message} No plan is accepted until it is cured.`;
   }
+  if (health.storage.message) return health.storage.message;
   return health.status === 'degraded' ? 'The station runs with a fault; see the log.' : null;
 }
