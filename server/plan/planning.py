@@ -8,7 +8,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, Final
 
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
@@ -19,7 +19,7 @@ from db.query.mission.plans import PlanRecord, PlanStateError
 from robot_link.surfacing_order import SurfacingOrder
 from server.base.decision.decisions import Cause
 from server.base.foundation import Foundation
-from server.base.problem import FieldError, conflict, unprocessable
+from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
@@ -44,7 +44,7 @@ from server.plan.machine_code import MachineCode
 from server.plan.margin_search import Tried, safest
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.search.decided import SURVEY_ROUND
-from server.plan.search.request import SearchRequest
+from server.plan.search.request import SearchRequest, request_of_plan
 from server.plan.search.round_problem import RoundProblems
 from server.plan.search.survey_round import NOTHING_FEASIBLE
 from server.plan.settings import PlanSettings
@@ -53,6 +53,11 @@ from server.plan.target_check import target_violations
 from server.plan.view import DryRunView, ProgressView, ViolationView
 
 log = logging.getLogger(__name__)
+
+TAKEN_UP_MAX: Final = 2
+"""So often a plan is taken up again; one that is interrupted more may be what ends the station."""
+INTERRUPTIONS: Final = "interruptions"
+"""Where a plan's document has how often the station ended while it was made."""
 
 _LAST_TRY = " Last try: "
 """Between what a dry run found and why a later one found nothing."""
@@ -88,18 +93,37 @@ class Planning:
         """By site: robots of one fleet survey are planned for one after the other."""
 
     async def resume(self) -> None:
-        """Close the plans that were being made when the station stopped."""
+        """Take up the plans that were being made when the station ended, in whatever way."""
         for status in list(self._fleet.statuses):
             for plan in await self._ledger.of_robot(status.record.id, ("planning",)):
-                if "settings" in plan.document:
-                    text = "The station stopped while this was rehearsed; it was not rehearsed."
-                    await self._drafts.offer(plan, DryRunView("failed", message=text))
-                else:
-                    message = "The station stopped while it planned; plan again."
-                    await self._drafts.fail(plan.id, message, {"interrupted": True})
+                await self._take_up(plan)
+
+    async def _take_up(self, plan: PlanRecord) -> None:
+        """Go on with a plan that the station's end interrupted; one that did so often is ended."""
+        times = plan.document.get(INTERRUPTIONS, 0) + 1
+        if times > TAKEN_UP_MAX:
+            message = f"The station ended {times} times while it made this plan; plan again."
+            await self._drafts.fail(plan.id, message)
+            return
+        at = self._foundation.clock.now()
+        text = f"Taken up again after the station restarted at {at:%Y-%m-%d %H:%M:%S} UTC."
+        document = {INTERRUPTIONS: times, "message": text}
+        plan = await self._ledger.note(plan.id, document, only_from=("planning",))
+        await self._ledger.log_event(plan, "plan.planning", f"{plan.id} for {plan.robot}: {text}")
+        if "settings" in plan.document:
+            config = PlannerConfig.model_validate(plan.config)
+            self._begin(plan.id, self._drafts.fly_ahead(plan, config))
+            return
+        request = request_of_plan(plan)
+        try:
+            start_xy = request.start_xy or self.settings.check_start(plan.robot, request.config)
+        except Problem as problem:
+            await self._drafts.fail(plan.id, problem.detail, {"interrupted": True})
+            return
+        self._begin(plan.id, self._search(plan, request, start_xy))
 
     async def stop(self) -> None:
-        """Stop searching; the plans are closed when the station starts again."""
+        """Stop searching; the plans are taken up again when the station starts."""
         tasks = list(self._tasks.values())
         for task in tasks:
             task.cancel()

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
@@ -12,6 +14,7 @@ from server.plan.search.survey_round import AHEAD_OF, REPLACES
 SETTINGS_FILTER = "settings_filter"
 """Where a plan's document has ``SearchRequest.settings_filter``; plans of an earlier version have
 none."""
+_WARM = TypeAdapter(tuple[tuple[Leg, ...], ...])
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +67,33 @@ class SearchRequest:
             ),
             "current_text": self.current_text,
             "in_turn": self.in_turn,
+            "start_xy": self.start_xy,
+            "warm": _WARM.dump_python(self.warm, mode="json"),
         }
+
+
+def request_of_plan(record: PlanRecord) -> SearchRequest:
+    """Return what a plan was asked for, to search for it once more."""
+    document = record.document
+    start_xy = document.get("start_xy")
+    kept = document.get(SETTINGS_FILTER)
+    return SearchRequest(
+        robot=record.robot,
+        config=PlannerConfig.model_validate(record.config),
+        config_id=document.get("config_id"),
+        by=record.created_by,
+        mission=record.mission,
+        round_number=record.round,
+        budget=document.get("budget"),
+        start_xy=None if start_xy is None else (start_xy[0], start_xy[1]),
+        warm=_WARM.validate_python(document.get("warm", ())),
+        attempt=document.get("attempt", 0),
+        ahead_of=document.get(AHEAD_OF),
+        replaces=document.get(REPLACES),
+        settings_filter=None if kept is None else EstimatorConfig.model_validate(kept),
+        current_text=document.get("current_text", ""),
+        in_turn=document.get("in_turn", False),
+    )
 
 
 def as_set(record: PlanRecord) -> PlannerConfig:

@@ -284,7 +284,7 @@ async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
 
 
-async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, world, workers):
+async def test_station_that_stops_during_a_rehearsal_rehearses_again(tmp_path, world, workers):
     workers.may_fly.clear()
     async with open_station(tmp_path, world) as station:
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
@@ -294,10 +294,17 @@ async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, wo
         await until(lambda: workers.dry_runs)
     async with open_station(tmp_path, world) as station:
         view = station.plans.view(await station.plans.get(plan.id))
-        assert view.state == "draft"
+        assert (view.state, view.stage) == ("planning", "rehearsing")
         assert view.legs
-        assert view.rehearsal.state == "failed"
-        assert "The station stopped" in view.rehearsal.message
+        workers.may_fly.set()
+
+        async def offered():
+            return (await station.plans.get(plan.id)).state == "draft"
+
+        await until(offered)
+        view = station.plans.view(await station.plans.get(plan.id))
+        assert view.rehearsal.state == "done"
+        assert len(workers.problems) == 1
 
 
 async def test_plan_whose_rehearsal_broke_off_is_sent_after_a_second_word_only(
