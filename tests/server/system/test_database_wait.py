@@ -60,6 +60,7 @@ def wait_for(port: int, status: int) -> httpx.Response:
 
 
 @pytest.mark.process
+@pytest.mark.timeout(1500)
 def test_a_station_that_is_started_before_its_server_works_once_that_is_there(postgresql, tmp_path):
     url, port = postgresql.url(postgresql.database()), free_port()
     command = [sys.executable, "-m", "server.cli", "serve", "--port", str(port)]
@@ -79,4 +80,4 @@ def test_a_station_that_is_started_before_its_server_works_once_that_is_there(po
         assert "The station waits: The database does not answer" in (tmp_path / "log").read_text()
     finally:
         station.terminate()
-        assert station.wait(60) == 0
+        assert station.wait(LIMIT_S) == 0
