@@ -1,5 +1,6 @@
 import * as L from 'leaflet';
 import type { Ned } from '../api/types';
+import { uncovered } from './uncovered';
 
 export interface MapRobot {
   id: string;
@@ -28,6 +29,7 @@ export class SiteRobots {
   readonly #map: L.Map;
   readonly #robots = L.layerGroup();
   readonly #marks = new Map<string, Mark>();
+  readonly #sizes = new WeakMap<HTMLElement, { width: number; height: number }>();
 
   constructor(map: L.Map) {
     this.#map = map;
@@ -35,6 +37,7 @@ export class SiteRobots {
   }
 
   show(robots: readonly MapRobot[]): void {
+    this.#forget(new Set(robots.map(({ id }) => id)));
     for (const robot of robots) {
       const mark = this.#marks.get(robot.id) ?? this.#addRobot(robot);
       const at: [number, number] = [robot.ned[0], robot.ned[1]];
@@ -55,12 +58,51 @@ export class SiteRobots {
       const element = tooltip?.getElement();
       if (!tooltip || !element) continue;
       const { x } = this.#map.latLngToContainerPoint(marker.getLatLng());
-      const isCut = x + NAME_GAP_PX + element.offsetWidth + EDGE_PX > width;
+      const isCut = x + NAME_GAP_PX + this.#sizeOf(element).width + EDGE_PX > width;
       const direction = isCut ? 'left' : 'right';
       if (tooltip.options.direction === direction) continue;
       tooltip.options.direction = direction;
       tooltip.options.offset = L.point(isCut ? -NAME_GAP_PX : NAME_GAP_PX, 0);
       tooltip.update();
+    }
+    this.#hideCovered();
+  }
+
+  /** Of names that would cover one another the first stands; a robot's mark is always drawn. */
+  #hideCovered(): void {
+    const names = [...this.#marks.values()].flatMap(({ marker }) => {
+      const element = marker.getTooltip()?.getElement();
+      if (!element) return [];
+      const { x, y } = this.#map.latLngToContainerPoint(marker.getLatLng());
+      const isLeft = marker.getTooltip()?.options.direction === 'left';
+      const { width, height } = this.#sizeOf(element);
+      const left = isLeft ? x - NAME_GAP_PX - width : x + NAME_GAP_PX;
+      return [{ element, box: { left, top: y - height / 2, width, height } }];
+    });
+    const shown = uncovered(names.map(({ box }) => box));
+    for (const [at, { element }] of names.entries()) {
+      element.classList.toggle('map-name-covered', !shown[at]);
+    }
+  }
+
+  /** A name keeps its size; asking for it each time would lay the page out anew. */
+  #sizeOf(element: HTMLElement): { width: number; height: number } {
+    let size = this.#sizes.get(element);
+    if (!size?.width) {
+      size = { width: element.offsetWidth, height: element.offsetHeight };
+      this.#sizes.set(element, size);
+    }
+    return size;
+  }
+
+  /** Robots that a search leaves out are drawn no more. */
+  #forget(shown: ReadonlySet<string>): void {
+    for (const [id, { marker, circle }] of this.#marks) {
+      if (shown.has(id)) continue;
+      marker.remove();
+      circle.remove();
+      this.#robots.removeLayer(marker).removeLayer(circle);
+      this.#marks.delete(id);
     }
   }
 

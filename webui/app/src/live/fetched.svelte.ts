@@ -16,15 +16,15 @@ export class Fetched<T> {
   /** Whether it may have changed since it was asked for last. */
   #isDue = false;
   #subject: string | null = null;
-  readonly #restMs: number;
+  readonly #restMs: () => number;
 
   /** Why it was not read, until it is, or why something was not done, until the next is. */
   readonly refusal = $derived(this.#undone || this.#unread);
 
   /** @param restMs Between two answers of something that changes all the time. */
-  constructor(read: () => Promise<T>, restMs = 500) {
+  constructor(read: () => Promise<T>, restMs: number | (() => number) = 500) {
     this.#read = read;
-    this.#restMs = restMs;
+    this.#restMs = typeof restMs === 'number' ? () => restMs : restMs;
   }
 
   /** Read it; of several answers under way the one that was asked for last counts. */
@@ -77,7 +77,7 @@ export class Fetched<T> {
     while (this.#isFollowed && (this.#isDue || this.#unread !== '')) {
       this.#isDue = false;
       await this.load();
-      await pause(this.#unread === '' ? this.#restMs : RETRY_MS);
+      await pause(this.#unread === '' ? this.#restMs() : RETRY_MS);
     }
     this.#isReading = false;
   }

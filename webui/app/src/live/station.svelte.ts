@@ -20,6 +20,7 @@ import type {
 import { StationClock } from './clock';
 import { takenFromAddress } from './address_word';
 import { Fetched } from './fetched.svelte';
+import { FrameQueue } from './frame_queue';
 import { LastContact } from './last_contact';
 import { Leases } from './lease.svelte';
 import { isAtLeast, pilotsAny, roleFor, whyNotPilot } from './right';
@@ -94,6 +95,9 @@ export class Station {
   // eslint-disable-next-line svelte/prefer-svelte-reactivity -- nothing on the screen shows it
   readonly #readers = new Set<BatchReader>();
 
+  readonly #batches = new FrameQueue<LiveBatch>((ticks) =>
+    ticks.forEach((tick) => this.#take(tick)),
+  );
   readonly #contact = new LastContact();
   readonly #socket: LiveSocket;
   #clockwork: ReturnType<typeof setInterval> | undefined;
@@ -102,7 +106,7 @@ export class Station {
   constructor() {
     this.api.onSignedOut = () => this.#leave();
     this.#socket = new LiveSocket({
-      onTick: (tick) => this.#take(tick),
+      onTick: (tick) => this.#batches.put(tick),
       onOpen: () => this.#opened(),
       onClose: (isRefused) => {
         if (isRefused) void this.begin();
@@ -255,6 +259,7 @@ export class Station {
 
   #stop(): void {
     this.#socket.close();
+    this.#batches.clear();
     clearInterval(this.#clockwork);
     this.#unfollow?.();
     this.#lastTickAt = null;
