@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test walks check bench reproduce manual-pictures wheel setup setup-dev ready environment dialect packages app flight coverage clean
+.PHONY: help demo test walks check bench reproduce manual-pictures wheel client client-wheel setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:
 	@echo "make demo    start the station with three simulated robots and print its address"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench   measure against the bars and beside peers; writes build/bench.json"
 	@echo "make reproduce   the thesis's results beside ours, in build/reproduction"
 	@echo "make wheel   the product as one file for pip, in build/wheel"
+	@echo "make client-wheel   the client of scripts as one file for pip, in build/client"
 	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
 
 # A demo with cameras needs what finds their tags.
@@ -57,10 +58,20 @@ wheel: ready
 	@rm -rf build/lib build/bdist.*
 	@ls build/wheel/*.whl
 
+# Models and methods of every request, made of what the station says of itself.
+client: dialect
+	@$(BIN)/python -m server.cli openapi | $(BIN)/python -m grace_client.generator -
+
+client-wheel: ready client
+	@rm -rf build/client
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w build/client ./grace_client
+	@rm -rf grace_client/build grace_client/*.egg-info
+	@ls build/client/*.whl
+
 setup: ready
 	@$(BIN)/grace compile
 
-setup-dev: $(VENV)/dev.stamp ready
+setup-dev: $(VENV)/dev.stamp ready client
 	@$(BIN)/grace compile
 
 # All that a demo needs to begin; the station compiles the other kernels while it runs. The steps
@@ -109,5 +120,5 @@ $(VENV)/reproduction.stamp: $(VENV)/runtime.stamp requirements-reproduction.lock
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build webui/dist webui/app/node_modules robot_link/mavlink/dialect
+	rm -rf $(VENV) build webui/dist webui/app/node_modules robot_link/mavlink/dialect grace_client/generated
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -27,6 +27,7 @@ from sqlalchemy import (
     false,
 )
 from sqlalchemy.orm import DeclarativeBase, InstrumentedAttribute, Mapped, mapped_column
+from sqlalchemy.sql.expression import true
 
 from db.column import Utc
 from robot_link.messages import STATE
@@ -404,6 +405,8 @@ class Job(Base):
     result: Mapped[Document | None]
     robot: Mapped[str | None]
     """Id of the robot that it is about; none of what is about the station."""
+    about: Mapped[str | None]
+    """Id of what it works for, such as a study's; none where nothing is kept beside it."""
     created_at: Mapped[datetime]
     created_by: Mapped[str]
     ended_at: Mapped[datetime | None]
@@ -448,6 +451,10 @@ class Idempotency(Base):
     status: Mapped[int | None]
     body: Mapped[bytes | None]
     at: Mapped[datetime]
+    has_acted: Mapped[bool] = mapped_column(default=False, server_default=true())
+    """Whether anything was changed for it; true of those that an earlier version kept."""
+    made: Mapped[str | None]
+    """Id of what it made, known before it is answered."""
 
 
 class Setting(Base):

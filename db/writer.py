@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from db.actor import Actor, acting, set_actor
 from db.bridge import Batch, Bridge
+from db.claim import Claim, claimed, keep_claim
 from db.engine import fault_sentence, is_storage_fault
 from db.fault import BufferFullError, StoreClosedError, StoreUnavailableError
 
@@ -52,6 +53,7 @@ class _Change:
     function: Callable[[Session], Any]
     future: Future[Any]
     actor: Actor | None
+    claim: Claim | None
 
 
 class Kept(Enum):
@@ -116,7 +118,7 @@ class Writer:
         if self._closed:
             future.set_exception(StoreClosedError("The station is stopping."))
         else:
-            self._inbox.put(_Change(function, future, acting.get()))
+            self._inbox.put(_Change(function, future, acting.get(), claimed.get()))
         return future
 
     def append(self, rows: Sequence[Any]) -> "Future[Kept]":
@@ -347,7 +349,7 @@ class Writer:
         if not item.future.set_running_or_notify_cancel():
             return
         try:
-            result, events = self._commit(item.function, item.actor)
+            result, events = self._commit(item.function, item.actor, item.claim)
         except BaseException as error:  # noqa: BLE001 - the error belongs to whoever asked
             item.future.set_exception(error)
         else:
@@ -361,13 +363,17 @@ class Writer:
             logger.exception("a listener for changes failed")
 
     def _commit(
-        self, function: Callable[[Session], T], actor: Actor | None = None
+        self,
+        function: Callable[[Session], T],
+        actor: Actor | None = None,
+        claim: Claim | None = None,
     ) -> tuple[T, Sequence[object]]:
         """Return what a function returns in a transaction, and the events that it left there."""
         try:
             with Session(self._engine, expire_on_commit=False) as session, session.begin():
                 set_actor(session, actor)
                 result = function(session)
+                keep_claim(session, claim)
         except DBAPIError as error:
             if not is_storage_fault(error):
                 raise

@@ -1,37 +1,36 @@
-"""Flies a whole adaptive survey by REST alone: plan, upload, wait, print the final scores.
+"""Flies a whole adaptive survey by a script: plan, send, wait, print the final scores.
 
     export GRACE_TOKEN=$(grace token create --role pilot --data DIR)
     python examples/adaptive_survey.py --url http://127.0.0.1:8000 --robot mini-1
 
-Needs only httpx, and rest.py beside it. Nothing is sent to the robot unless --send is given.
+Needs grace_client. Nothing is sent to the robot unless --send is given.
 """
 
 import argparse
 import os
 import sys
-import time
 
-import httpx
-from rest import get, post
+from grace_client import Station, models
+
+ENDED = ("done", "failed", "stopped")
 
 
 def main() -> int:
     """Run the survey named on the command line."""
     arguments = parse()
-    headers = {"Authorization": f"Bearer {os.environ['GRACE_TOKEN']}"}
-    with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
-        mission = create_mission(station, arguments)
-        plan = wait_for_draft(station, mission)
-        account = plan["account"]
-        print(
-            f"{plan['id']}: {len(plan['legs'])} legs, {account['energy']:.1f} energy units, "
-            f"{account['duration_s']:.0f} s, worst expected uncertainty "
-            f"{account['worst_std_m']:.2f} m"
-        )
+    token = os.environ["GRACE_TOKEN"]
+    with Station(arguments.url, token, may_send=arguments.send) as station:
+        wanted = models.MissionRequest(kind="adaptive_survey", config=config_of(arguments))
+        mission = station.ask.missions.create_mission(arguments.robot, wanted).id
+        ready = station.wait_for_mission(mission, "ready")
+        if ready.plan_id is None or ready.state != "ready":
+            print(f"{mission}: {ready.message}")
+            return 1
+        tell(station.ask.transfers.get_plan(ready.plan_id))
         if not arguments.send:
             print("nothing was sent; add --send to fly it")
             return 0
-        post(station, f"/api/missions/{mission}/start")
+        station.ask.missions.start_mission(mission)
         return report(follow(station, mission, arguments.timeout_s))
 
 
@@ -48,60 +47,51 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def create_mission(station: httpx.Client, arguments: argparse.Namespace) -> str:
-    """Ask for an adaptive survey with the robot's own defaults where nothing is said."""
+def config_of(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return what differs from the robot's own settings."""
     config = {
         "objective": arguments.objective,
         "total_budget": arguments.total_budget,
         "planning_time_s": arguments.planning_time_s,
     }
-    body = {
-        "kind": "adaptive_survey",
-        "config": {name: value for name, value in config.items() if value is not None},
-    }
-    return post(station, f"/api/robots/{arguments.robot}/missions", body)["id"]
+    return {name: value for name, value in config.items() if value is not None}
 
 
-def wait_for_draft(station: httpx.Client, mission: str) -> dict:
-    """Wait until the first round's plan is there to be looked at."""
-    while True:
-        state = get(station, f"/api/missions/{mission}")
-        if state["state"] == "ready":
-            return get(station, f"/api/plans/{state['plan_id']}")
-        if state["state"] in {"failed", "stopped"}:
-            sys.exit(f"{mission}: {state['message']}")
-        time.sleep(0.5)
+def tell(plan: models.PlanView) -> None:
+    """Print what the first round takes."""
+    account = plan.account
+    if account is not None:
+        print(
+            f"{plan.id}: {len(plan.legs)} legs, {account.energy:.1f} energy units, "
+            f"{account.duration_s:.0f} s, worst expected uncertainty {account.worst_std_m:.2f} m"
+        )
 
 
-def follow(station: httpx.Client, mission: str, timeout_s: float) -> dict:
+def follow(station: Station, mission: str, timeout_s: float) -> models.MissionView:
     """Print every change of the mission until it ends."""
     shown = ""
-    give_up = time.monotonic() + timeout_s
-    while time.monotonic() < give_up:
-        state = get(station, f"/api/missions/{mission}")
-        budget = state["budget"]
+    for state in station.changes_of_mission(mission, timeout_s=timeout_s):
         line = (
-            f"{state['state']}: round {len(state['rounds'])}, "
-            f"{budget['spent']:.0f} of {budget['total']:.0f} energy units spent"
+            f"{state.state}: round {len(state.rounds)}, "
+            f"{state.budget.spent:.0f} of {state.budget.total:.0f} energy units spent"
         )
         if line != shown:
             print(line, flush=True)
             shown = line
-        if state["state"] in {"done", "failed", "stopped"}:
+        if state.state in ENDED:
             return state
-        time.sleep(1.0)
     sys.exit(f"{mission} is still {shown} after {timeout_s:.0f} s")
 
 
-def report(mission: dict) -> int:
+def report(mission: models.MissionView) -> int:
     """Print the final scores of the map against the simulated truth."""
-    if mission["state"] != "done":
-        print(mission["message"])
+    if mission.state != "done":
+        print(mission.message)
         return 1
-    for score in mission["scores"] or []:
+    for score in mission.scores or []:
         print(
-            f"{score['title']}: RMSE {score['rmse']:.3f}, NLPD {score['nlpd']:.3f}, "
-            f"WMSE {score['wmse']:.3f}, 90 % coverage {score['coverage_90']:.2f}"
+            f"{score.title}: RMSE {score.rmse:.3f}, NLPD {score.nlpd:.3f}, "
+            f"WMSE {score.wmse:.3f}, 90 % coverage {score.coverage_90:.2f}"
         )
     return 0
 

@@ -1,37 +1,35 @@
-"""Draws a lawnmower over an area by REST, shows what it costs, and makes a plan of it.
+"""Draws a lawnmower over an area, shows what it costs, and makes a plan of it.
 
     export GRACE_TOKEN=$(grace token create --role pilot --data DIR)
     python examples/lawnmower.py --robot grace-1 --south 150 --north 350 --west 150 --east 350
 
-Needs only httpx, and rest.py beside it. Nothing is sent to the robot unless --send is given.
+Needs grace_client. Nothing is sent to the robot unless --send is given.
 """
 
 import argparse
 import os
 import sys
-import time
 
-import httpx
-from rest import get, post
+from grace_client import Station, models
 
 
 def main() -> int:
     """Draw what the command line names."""
     arguments = parse()
-    headers = {"Authorization": f"Bearer {os.environ['GRACE_TOKEN']}"}
-    with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
-        body = {"name": arguments.name, "document": document(arguments)}
-        design = post(station, f"/api/robots/{arguments.robot}/designs", body)
-        if not tell(get(station, f"/api/designs/{design['id']}/check")):
+    token = os.environ["GRACE_TOKEN"]
+    with Station(arguments.url, token, may_send=arguments.send) as station:
+        designs = station.ask.designs
+        drawn = models.NewDesign(name=arguments.name, document=document(arguments))
+        design = designs.create_design(arguments.robot, drawn)
+        if not tell(designs.check_design(design.id)):
             return 1
-        plan = post(station, f"/api/designs/{design['id']}/plan")["id"]
-        found = wait_for_draft(station, plan)
-        print(f"{plan}: {(found['rehearsal'] or {}).get('message', 'not rehearsed')}")
+        plan = station.wait_until_planned(designs.make_plan(design.id).id)
+        dry_run = plan.rehearsal
+        print(f"{plan.id}: {'not flown ahead' if dry_run is None else dry_run.message}")
         if not arguments.send:
             print("nothing was sent; add --send to send it")
             return 0
-        post(station, f"/api/plans/{plan}/upload")
-        print(f"{plan} is on its way to {arguments.robot}")
+        print(station.send(plan.id).text)
         return 0
 
 
@@ -49,35 +47,30 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def document(arguments: argparse.Namespace) -> dict:
+def document(arguments: argparse.Namespace) -> models.DesignInput:
     """Return the design."""
     south, north, west, east = arguments.south, arguments.north, arguments.west, arguments.east
     corners = ((south, west), (north, west), (north, east), (south, east))
-    area = [{"north_m": north_m, "east_m": east_m} for north_m, east_m in corners]
-    content = {"kind": "lawnmower", "area": area, "spacing_m": arguments.spacing_m}
-    return {"content": content, "manner": {"deep_m": arguments.deep_m}}
+    content = models.LawnmowerInput(
+        kind="lawnmower",
+        area=[models.Spot(north_m=north_m, east_m=east_m) for north_m, east_m in corners],
+        spacing_m=arguments.spacing_m,
+    )
+    manner = models.MannerInput(deep_m=arguments.deep_m)
+    return models.DesignInput(content=content, manner=manner)
 
 
-def tell(outline: dict) -> bool:
+def tell(outline: models.OutlineView) -> bool:
     """Print what a design costs; tell whether nothing speaks against it."""
-    account = outline["account"]
+    account = outline.account
     if account is not None:
         print(
-            f"{len(outline['legs'])} legs, {account['distance_m']:.0f} m, "
-            f"{account['duration_s'] / 3600.0:.1f} h, {account['surfacings']} surfacings"
+            f"{len(outline.legs)} legs, {account.distance_m:.0f} m, "
+            f"{account.duration_s / 3600.0:.1f} h, {account.surfacings} surfacings"
         )
-    for note in (*outline["notes"], *outline["violations"]):
-        print(f"  {note['message']}")
-    return account is not None and not outline["violations"]
-
-
-def wait_for_draft(station: httpx.Client, plan: str) -> dict:
-    """Wait until a plan was flown ahead."""
-    while True:
-        found = get(station, f"/api/plans/{plan}")
-        if found["state"] != "planning":
-            return found
-        time.sleep(1.0)
+    for note in (*outline.notes, *outline.violations):
+        print(f"  {note.message}")
+    return account is not None and not outline.violations
 
 
 if __name__ == "__main__":

@@ -8,12 +8,16 @@ from datetime import datetime
 from typing import Any
 
 from fastapi import FastAPI
+from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 from pydantic.json_schema import JsonSchemaMode
 
+from server.access.dependency import sends_of
+from server.access.idempotency import IdempotentRoute
 from server.backup.backups import BackupResult
 from server.base.problem import ERROR_FAMILIES, MEDIA_TYPE
 from server.base.view import CURSOR_MAX, View
+from server.base.work.job_view import JobView
 from server.command.view import CommandView
 from server.current.ocean_task import CurrentProposal
 from server.delivery.files import FileResult
@@ -26,11 +30,11 @@ from server.recording.decision_replays import DecisionReplayResult
 from server.recording.foreign import ImportFaults, ImportReport, RecordingProposal
 from server.recording.intake import ImportRefusal, ImportResult
 from server.replay.film.films import FilmResult
+from server.station import ROUTERS
 from server.storage.result import StoragePassResult, StoragePreviewResult
 from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
 from server.system.event_route import EventView
-from server.system.job_route import JobView
 from server.tag.importing import DetectionsImported
 from server.water.proposal import ImportProposal
 
@@ -105,7 +109,21 @@ class DocumentedApp(FastAPI):
         """Return the OpenAPI document, made once."""
         if self.openapi_schema is None:
             _complete(super().openapi())
+            _mark(self.openapi_schema or {})
         return self.openapi_schema or {}
+
+
+def _mark(document: dict[str, Any]) -> None:
+    """Say of each operation what a client must know before it repeats it, or lets it go."""
+    for route in (one for router in ROUTERS for one in router.routes):
+        if not isinstance(route, APIRoute) or not route.include_in_schema:
+            continue
+        for method in route.methods or ():
+            operation = document["paths"][route.path_format][method.lower()]
+            if isinstance(route, IdempotentRoute) and method == "POST":
+                operation["x-idempotency-key"] = True
+            if (sends := sends_of(route.dependant)) is not None and method != "GET":
+                operation["x-sends"] = sends
 
 
 def _parameter(name: str, description: str, schema: dict[str, Any]) -> dict[str, Any]:

@@ -95,7 +95,7 @@ def _judge_map(client: httpx.Client, robot: str) -> None:
         for work in ("learning", "comparison"):
             answer = client.post(f"/api/robots/{robot}/maps/{entry['variable']}/{work}")
             if answer.is_success:
-                _await_job(client, answer.json()["job"])
+                _await_job(client, answer.json()["id"])
 
 
 def _await_job(client: httpx.Client, job: str) -> None:

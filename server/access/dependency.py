@@ -8,7 +8,7 @@ A route names the right it needs by the type of its caller, and so cannot forget
 
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from types import MappingProxyType
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from fastapi import Depends, Request, Response, WebSocket
 from fastapi.dependencies.models import Dependant
@@ -16,7 +16,8 @@ from starlette.requests import HTTPConnection
 
 from server.access.access import Access
 from server.access.caller import Caller
-from server.access.guard import Guard
+from server.access.guard import AT_ONCE, Guard
+from server.access.rate import calls_of
 from server.access.role import Right
 from server.access.stream import SignInWatch, Tickets
 from server.base.dependency import FoundationDep, service
@@ -54,6 +55,9 @@ async def _pilot_in_charge(request: Request, response: Response, guard: GuardDep
 
 async def _pilot_at_once(request: Request, guard: GuardDep) -> Caller:
     return await guard.caller(request, Right.PILOT)
+
+
+setattr(_pilot_at_once, AT_ONCE, True)
 
 
 async def _admin(request: Request, guard: GuardDep) -> Caller:
@@ -145,3 +149,11 @@ def right_of(dependant: Dependant) -> Right | None:
         return _RIGHTS[dependant.call]
     found = (right_of(one) for one in dependant.dependencies)
     return next((right for right in found if right is not None), None)
+
+
+def sends_of(dependant: Dependant) -> Literal["always", "by its body"] | None:
+    """Return whether a route sends robots something; ``None`` where it never does."""
+    calls = calls_of(dependant)
+    if _pilot_in_charge in calls:
+        return "always"
+    return "by its body" if _in_charge_of in calls else None

@@ -6,6 +6,7 @@ from typing import Final, TypeAlias
 from urllib.parse import urlsplit
 
 from fastapi import Request, Response, WebSocket, WebSocketException, status
+from fastapi.dependencies.models import Dependant
 from starlette.requests import HTTPConnection
 
 from db.actor import Actor, acting
@@ -13,6 +14,7 @@ from db.fault import UnknownIdError
 from server.access.access import Access, SignedIn
 from server.access.caller import Caller
 from server.access.presence import Presence
+from server.access.rate import TokenLimits, calls_of
 from server.access.read_only import is_open_to_links
 from server.access.role import Right, Role
 from server.access.stream import Tickets
@@ -56,12 +58,14 @@ class Guard:
         settings: Settings,
         subjects: Subjects,
         presence: Presence,
+        limits: TokenLimits,
     ) -> None:
         self._access = access
         self._presence = presence
         self._tickets = tickets
         self._settings = settings
         self._subjects = subjects
+        self._limits = limits
         self._checks: list[RobotCheck] = []
         self._script_checks: list[ScriptCheck] = []
 
@@ -158,7 +162,7 @@ class Guard:
         Raises:
             Problem: 401 without a valid cookie or token, 404 for what the caller may not see, 403
                 without the right, or when a browser's change lacks the CSRF token or comes from a
-                foreign page.
+                foreign page; 429 where a script asks too much.
         """
         found = await self._bearer(request)
         if found is None:
@@ -171,6 +175,7 @@ class Guard:
                 "Sign in first, or send a bearer token.",
                 headers={"WWW-Authenticate": "Bearer"},
             )
+        self._limits.admit(found, request, is_at_once=_is_at_once(request))
         before = acting.set(_actor(found))
         try:
             if changes and request.method not in SAFE_METHODS:
@@ -331,6 +336,17 @@ def _lacking(caller: Caller) -> Problem:
 
 def _path_of(connection: HTTPConnection) -> str:
     return getattr(connection.scope.get("route"), "path", "")
+
+
+AT_ONCE: Final = "is_at_once"
+"""Marks what a route asks for its caller by, where nothing may keep it from bringing up robots."""
+
+
+def _is_at_once(request: Request) -> bool:
+    dependant = getattr(request.scope.get("route"), "dependant", None)
+    if not isinstance(dependant, Dependant):
+        return False
+    return any(getattr(call, AT_ONCE, False) for call in calls_of(dependant))
 
 
 def _actor(caller: Caller) -> Actor:

@@ -5,9 +5,11 @@ from server.access import group_route, people_route, session_route, sign_in_rout
 from server.access.access import Access
 from server.access.failure import SignInFailures
 from server.access.guard import Guard
+from server.access.idempotency import OpenKeys
 from server.access.oidc import route as oidc_route
 from server.access.oidc.desk import SignInDesk
 from server.access.presence import Presence
+from server.access.rate import TokenLimits
 from server.access.stream import SignInWatch, Tickets
 from server.access.subject import Subjects
 from server.access.throttle import KnownBrowsers
@@ -36,6 +38,8 @@ def install(foundation: Foundation) -> None:
     foundation.lifetime.run("sign-ins in use", watch.run)
     tickets = foundation.services.add(Tickets(access))
     foundation.services.add(SignInDesk(settings))
+    foundation.services.add(OpenKeys())
     subjects = foundation.services.add(Subjects(store))
     subjects.add_details("name", "token", "group", "session", "link")
-    foundation.services.add(Guard(access, tickets, settings, subjects, presence))
+    limits = TokenLimits(settings, foundation.jobs)
+    foundation.services.add(Guard(access, tickets, settings, subjects, presence, limits))

@@ -13,6 +13,7 @@ from server.access.body import BodyReader
 from server.access.caller import Caller
 from server.access.deed import note_deed
 from server.access.guard import Guard
+from server.access.rate import tell_rate
 from server.access.stream import SignInEndedError, SignInWatch
 from server.base.problem import problem_response
 
@@ -95,6 +96,7 @@ class RequestGuard:
                 await note_deed(request, message["status"], is_repeated=is_repeated)
                 for name, value in _HEADERS.items():
                     headers.setdefault(name, value)
+                tell_rate(request, headers)
                 if guard.speaks_tls:
                     headers.setdefault("Strict-Transport-Security", _TLS_ONLY)
                 if request.url.path.startswith("/api/"):

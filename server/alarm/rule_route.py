@@ -19,6 +19,7 @@ from server.alarm.trial import Trials
 from server.alarm.value import VALUES
 from server.base.dependency import FoundationDep, service
 from server.base.view import Body, JsonSchema, View
+from server.base.work.job_view import JobBegun, JobView
 from server.fleet.fleet import Fleet
 
 router = APIRouter(prefix="/api/alarm-rules", tags=["alarms"], route_class=IdempotentRoute)
@@ -129,13 +130,6 @@ class Trial(Body):
     """How many days back it is tried."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrialStarted(View):
-    """The job that tries a rule; its result says when it would have fired."""
-
-    job: str
-
-
 @router.get("")
 async def list_rules(caller: Viewer, book: BookDep) -> list[AlarmRuleView]:
     """Return every rule of alarm, the delivered ones first."""
@@ -180,16 +174,21 @@ async def add_rule(caller: Pilot, rule: AlarmRule, book: BookDep, fleet: FleetDe
     return _view(await book.add(rule, _robots(fleet), caller.name))
 
 
-@router.post("/try")
+@router.post("/try", status_code=202)
 async def try_rule(
-    caller: Pilot, trial: Trial, book: BookDep, fleet: FleetDep, trials: TrialsDep
-) -> TrialStarted:
+    caller: Pilot,
+    trial: Trial,
+    book: BookDep,
+    fleet: FleetDep,
+    trials: TrialsDep,
+    begun: JobBegun,
+) -> JobView:
     """Judge what robots said in the last days by a rule, beside the event loop.
 
     The job's result lists when it would have fired. 422 where it watches what is not kept.
     """
     book.check(trial.rule, _robots(fleet))
-    return TrialStarted(await trials.start(trial.rule, trial.days, caller.name))
+    return await begun(await trials.start(trial.rule, trial.days, caller.name))
 
 
 @router.patch("/{rule}")

@@ -12,12 +12,13 @@ from db.query.station.events import add_event
 from db.record import same
 from server.access.dependency import Admin, Pilot
 from server.access.idempotency import IdempotentRoute
-from server.backup.backups import Backups
+from server.backup.backups import BackupResult, Backups
 from server.backup.failure import BackupError
 from server.backup.settings import BackupSettings, save_settings
 from server.base.dependency import FoundationDep, service
 from server.base.problem import FieldError, unprocessable
 from server.base.view import View
+from server.base.work.job_view import JobBegun, JobView, leaves
 
 router = APIRouter(prefix="/api/backups", tags=["backups"], route_class=IdempotentRoute)
 BackupsDep = Annotated[Backups, Depends(service(Backups))]
@@ -58,14 +59,6 @@ class BackupsView(View):
     """Whether the folder is on the disk of the data: both are lost together."""
 
 
-@dataclass(frozen=True, slots=True)
-class BackupJobView(View):
-    """Where to ask how far the backup is."""
-
-    id: str
-    """Id of the job."""
-
-
 @router.get("")
 async def get_backups(caller: Pilot, backups: BackupsDep) -> BackupsView:
     """Return the backups with their settings."""
@@ -95,10 +88,10 @@ async def put_backup_settings(
     return await _view(backups)
 
 
-@router.post("", status_code=202)
-async def back_up(caller: Admin, backups: BackupsDep) -> BackupJobView:
+@router.post("", status_code=202, openapi_extra=leaves(BackupResult))
+async def back_up(caller: Admin, backups: BackupsDep, begun: JobBegun) -> JobView:
     """Back the station up at once; the job tells how far it is, and can be called off."""
-    return BackupJobView(await backups.start(by=caller.name))
+    return await begun(await backups.start(by=caller.name))
 
 
 async def _view(backups: Backups) -> BackupsView:

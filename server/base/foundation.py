@@ -16,13 +16,14 @@ from server.base.channels import Channels
 from server.base.clock_file import read_clock
 from server.base.configuration import ConfigurationBook
 from server.base.decision.decisions import Decisions
-from server.base.event_bus import EventBus, EventLogged
+from server.base.event_bus import EventBus, EventLogged, JobChanged
 from server.base.event_log import EventLog
 from server.base.job import JobBoard
 from server.base.lifetime import Background, Lifetime
 from server.base.live_feed import LiveFeed
 from server.base.secret import SecretStore
 from server.base.settings import Settings
+from server.base.work.changes import Changes
 from server.base.worker import WorkerPool
 
 S = TypeVar("S")
@@ -82,6 +83,8 @@ class Foundation:
     """Keys of robots and accounts with gateways; what it holds is shown to nobody."""
     feed: LiveFeed
     event_log: EventLog
+    changes: Changes
+    """Wakes requests that wait for a change of one thing."""
     workers: WorkerPool
     study_workers: WorkerPool
     """Processes that give way to all others."""
@@ -125,6 +128,9 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     lifetime = Lifetime(background)
     lifetime.on_closing(feed.close)
     lifetime.on_closing(event_log.close)
+    changes = Changes(bus)
+    changes.follow(JobChanged, lambda event: event.job.id)
+    lifetime.on_closing(changes.close)
     lifetime.run("live stream", feed.run)
     lifetime.run("event log", event_log.run)
     lifetime.on_closing(workers.hurry)
@@ -147,6 +153,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         secrets=SecretStore(settings.secret_dir),
         feed=feed,
         event_log=event_log,
+        changes=changes,
         workers=workers,
         study_workers=study_workers,
         decisions=Decisions(store, clock, background),

@@ -115,12 +115,21 @@ class JobBoard:
         await self._store.write(lambda session: query.fail_open_jobs(session, at, message))
 
     async def start(
-        self, kind: str, work: JobWork, *, by: str, robot: str | None = None
+        self,
+        kind: str,
+        work: JobWork,
+        *,
+        by: str,
+        robot: str | None = None,
+        about: str | None = None,
     ) -> JobRecord:
-        """Start work, for a robot or the station; the answer is the job as it stands now."""
+        """Start work, for a robot or the station; the answer is the job as it stands now.
+
+        ``about`` is the id of what it works for, where that is kept beside the job.
+        """
         at = self._clock.now()
         job = await self._store.write(
-            lambda session: query.add_job(session, kind, at=at, by=by, robot=robot)
+            lambda session: query.add_job(session, kind, at=at, by=by, robot=robot, about=about)
         )
         job = replace(job, state="running")
         self._show(job)

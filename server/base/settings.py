@@ -79,6 +79,12 @@ class Settings(BaseSettings):
     cluster: str = ""
     """Where studies are worked out (``autonomy.campaign``): a Dask scheduler such as
     ``tls://cluster.example.org:8786``, ``local`` or ``threads``; workers read it themselves."""
+    token_requests_per_s: float = Field(default=100.0, gt=0.0, le=10_000.0)
+    """How often a script may ask in a second, for each token."""
+    token_burst: int = Field(default=1000, ge=1, le=100_000)
+    """How many requests of a token may come at once, before the rate counts."""
+    token_jobs: int = Field(default=20, ge=1, le=1000)
+    """How many jobs of a token may be under way at once."""
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
 

@@ -231,6 +231,7 @@ class Studies(ABC, Generic[_Problem]):
                 lambda progress: self._work(record, problem, progress),
                 by=by,
                 robot=record.robot,
+                about=study,
             )
         except StoreError:
             remedy = "resume it" if self.can_resume else "start it again"

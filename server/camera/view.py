@@ -242,11 +242,3 @@ class CalibrationView(View):
     is_used: bool
     is_usable: bool
     """Whether it can be chosen: cameras that it rests on are still there."""
-
-
-@dataclass(frozen=True, slots=True)
-class CameraJobView(View):
-    """Where to ask what became of it."""
-
-    id: str
-    """Id of the job."""

@@ -30,6 +30,7 @@ def install(foundation: Foundation) -> None:
         foundation.feed.put("commands", view.id, lambda: view, view.robot)
 
     foundation.bus.subscribe(CommandChanged, show)
+    foundation.changes.follow(CommandChanged, lambda event: event.command.id)
     foundation.bus.subscribe(CommandReported, lambda event: commands.take(event.report))
     foundation.bus.subscribe(
         RadiosChanged,

@@ -1,6 +1,5 @@
 """Commands to robots, and how far each is proved to have come."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query
@@ -9,8 +8,11 @@ from robot_link.messages import CommandKind
 from server.access.dependency import InChargeOf, PilotAtOnce, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, period_of, service
-from server.base.view import Body, View
+from server.base.view import Body
+from server.base.work.changes import WaitingDep
+from server.base.work.started import Started, StartedView
 from server.command.commands import Commands
+from server.command.state import SETTLED
 from server.command.view import CommandView
 from server.fleet.dependency import FleetDep
 
@@ -33,13 +35,6 @@ class CommandRequest(Body):
     every link whatever is asked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class CommandIdView(View):
-    """Where to ask how far the command is."""
-
-    id: str
-
-
 @router.post("/robots/{robot}/commands", status_code=202)
 async def create_command(
     caller: PilotAtOnce,
@@ -47,7 +42,8 @@ async def create_command(
     body: CommandRequest,
     commands: CommandsDep,
     in_charge_of: InChargeOf,
-) -> CommandIdView:
+    started: Started,
+) -> StartedView:
     """Send an order; the answer says that it was written down, not that anyone has it.
 
     409 if the robot has no link of the route that is asked for, or somebody else is in charge of
@@ -57,7 +53,7 @@ async def create_command(
     if kind is not CommandKind.SURFACE:
         await in_charge_of((robot,))
     command = await commands.send(robot, kind, by=caller.name, requested=body.route)
-    return CommandIdView(command)
+    return started(command)
 
 
 @router.get("/robots/{robot}/commands")
@@ -76,7 +72,11 @@ async def list_commands(
 
 
 @router.get("/commands/{command}")
-async def get_command(caller: Viewer, command: str, commands: CommandsDep) -> CommandView:
+async def get_command(
+    caller: Viewer, command: str, commands: CommandsDep, waiting: WaitingDep
+) -> CommandView:
     """Return a command with every level that was proved, and one sentence about it."""
     del caller
-    return await commands.view(command)
+    return await waiting.told(
+        command, lambda: commands.view(command), has_ended=lambda one: one.level in SETTLED
+    )

@@ -19,9 +19,17 @@ from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, unprocessable
 from server.base.text import shown
 from server.base.view import Body, View
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.base.worker import WORKER_FAILURES
 from server.current.currents import Currents
-from server.current.ocean_task import PROPOSAL_FOLDER, TASK, OceanOrder, load_proposal, told_words
+from server.current.ocean_task import (
+    PROPOSAL_FOLDER,
+    TASK,
+    CurrentProposal,
+    OceanOrder,
+    load_proposal,
+    told_words,
+)
 from server.current.told import (
     FOLDER,
     LEVELS_MAX,
@@ -32,7 +40,6 @@ from server.current.told import (
     write_told,
 )
 from server.water.import_route import copied
-from server.water.view import ReadingJobView
 from server.water.waters import Waters
 
 router = APIRouter(
@@ -120,14 +127,15 @@ async def delete_told_current(
     await currents.retell(water)
 
 
-@router.post("/imports", status_code=202)
+@router.post("/imports", status_code=202, openapi_extra=leaves(CurrentProposal))
 async def start_current_reading(
     caller: Admin,
     water: str,
     file: Annotated[UploadFile, File(description="A CF NetCDF file of an ocean model.")],
     foundation: FoundationDep,
     waters: WatersDep,
-) -> ReadingJobView:
+    begun: JobBegun,
+) -> JobView:
     """Read the current of a water from a CF NetCDF file of an ocean model; nothing is told yet.
 
     Taken are eastward and northward sea water velocity over latitude, longitude, time and, where
@@ -163,7 +171,7 @@ async def start_current_reading(
         return found
 
     job = await foundation.jobs.start("current import", work, by=caller.name)
-    return ReadingJobView(job.id)
+    return await begun(job.id)
 
 
 async def _kept(foundation: Foundation, water: str, new: NewTold) -> KeptTold:

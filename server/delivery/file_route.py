@@ -17,8 +17,9 @@ from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.problem import not_found
 from server.base.view import Body, View, one_of
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.delivery.file_task import kept_path
-from server.delivery.files import FOLDER, DeliveryFiles, metadata_of, mode_of
+from server.delivery.files import FOLDER, DeliveryFiles, FileResult, metadata_of, mode_of
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
 FilesDep = Annotated[DeliveryFiles, Depends(service(DeliveryFiles))]
@@ -95,14 +96,6 @@ class NewFile(Body):
     """Confirms, for a reviewed deployment, that nothing better exists than telemetry."""
 
 
-@dataclass(frozen=True, slots=True)
-class FileJobView(View):
-    """Where to ask how far the file is."""
-
-    id: str
-    """Id of the job; its result names the file."""
-
-
 @router.get("/{deployment}/files")
 async def list_files(caller: Viewer, deployment: str, store: StoreDep) -> FilesView:
     """Return the files that were written of a deployment, with what the checks say."""
@@ -110,16 +103,16 @@ async def list_files(caller: Viewer, deployment: str, store: StoreDep) -> FilesV
     return await store.query(lambda session: _views(session, deployment))
 
 
-@router.post("/{deployment}/files", status_code=202)
+@router.post("/{deployment}/files", status_code=202, openapi_extra=leaves(FileResult))
 async def write_file(
-    caller: Pilot, deployment: str, files: FilesDep, body: NewFile | None = None
-) -> FileJobView:
+    caller: Pilot, deployment: str, files: FilesDep, begun: JobBegun, body: NewFile | None = None
+) -> JobView:
     """Write a NetCDF file of OG1.0 and CF-1.10, check it, and keep it.
 
     422 names what the metadata lack; nothing is written then. 409 while one is being written.
     """
     wish = body or NewFile()
-    return FileJobView(
+    return await begun(
         await files.start(deployment, no_better_data=wish.no_better_data, by=caller.name)
     )
 

@@ -17,7 +17,8 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service
 from server.base.view import Body, View
-from server.delivery.quality import QualityRuns, samples_of, series_of
+from server.base.work.job_view import JobBegun, JobView, leaves
+from server.delivery.quality import QualityResult, QualityRuns, samples_of, series_of
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
 QualityRunsDep = Annotated[QualityRuns, Depends(service(QualityRuns))]
@@ -109,14 +110,6 @@ class NewFlag(Body):
     """Why, 1 to 500 characters."""
 
 
-@dataclass(frozen=True, slots=True)
-class QualityJobView(View):
-    """Where to ask how far a run is."""
-
-    id: str
-    """Id of the job."""
-
-
 @router.get("/{deployment}/quality")
 async def get_quality(
     caller: Viewer,
@@ -129,13 +122,15 @@ async def get_quality(
     return await store.query(lambda session: _view(session, deployment, limit))
 
 
-@router.post("/{deployment}/quality", status_code=202)
-async def run_quality(caller: Pilot, deployment: str, runs: QualityRunsDep) -> QualityJobView:
+@router.post("/{deployment}/quality", status_code=202, openapi_extra=leaves(QualityResult))
+async def run_quality(
+    caller: Pilot, deployment: str, runs: QualityRunsDep, begun: JobBegun
+) -> JobView:
     """Judge the data by the rules that hold for the robot; see `GET /api/config/quality`.
 
     409 while a run over this deployment is under way. What earlier runs found is kept.
     """
-    return QualityJobView(await runs.start(deployment, by=caller.name))
+    return await begun(await runs.start(deployment, by=caller.name))
 
 
 @router.post("/{deployment}/flags", status_code=201)

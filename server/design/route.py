@@ -13,6 +13,7 @@ from server.access.idempotency import IdempotentRoute
 from server.access.subject import refuse_unseen
 from server.base.dependency import FoundationDep, service
 from server.base.problem import Problem
+from server.base.work.started import Started, StartedView
 from server.design.designs import Designs
 from server.design.sides import Sides
 from server.design.view import (
@@ -30,7 +31,6 @@ from server.design.view import (
     VersionDocumentView,
     VersionView,
 )
-from server.plan.route import PlanIdView
 
 router = APIRouter(prefix="/api", tags=["designs"], route_class=IdempotentRoute)
 
@@ -246,15 +246,15 @@ async def post_difference(
 
 @router.post("/designs/{design}/plan", status_code=202)
 async def make_plan(
-    caller: Pilot, design: str, designs: DesignsDep, body: Planning | None = None
-) -> PlanIdView:
+    caller: Pilot, design: str, designs: DesignsDep, started: Started, body: Planning | None = None
+) -> StartedView:
     """Make a plan of a version: checked, flown ahead, then a draft that can be sent."""
     number = None if body is None else body.version
     try:
         plan = await designs.plan(design, number, by=caller.name)
     except DesignChangedError as error:
         raise _overtaken(error) from error
-    return PlanIdView(plan.id)
+    return started(plan.id)
 
 
 async def _moved(

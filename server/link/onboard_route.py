@@ -12,6 +12,7 @@ from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, service
 from server.base.view import Body, View
+from server.base.work.job_view import JobBegun, JobView
 from server.link.onboard_view import (
     ParameterDifference,
     ParametersView,
@@ -56,13 +57,6 @@ class LogRequest(Body):
     """Where on the robot the log is, as its list of logs names it."""
 
 
-@dataclass(frozen=True, slots=True)
-class JobIdView(View):
-    """Where to ask how far the work is."""
-
-    job: str
-
-
 @router.get("/parameters")
 async def list_parameters(
     caller: Viewer,
@@ -104,9 +98,11 @@ async def compare_parameters(
 
 
 @router.post("/parameters/read", status_code=202)
-async def read_parameters(caller: Pilot, robot: str, parameters: ParametersDep) -> JobIdView:
+async def read_parameters(
+    caller: Pilot, robot: str, parameters: ParametersDep, begun: JobBegun
+) -> JobView:
     """Ask the robot for all of its parameters."""
-    return JobIdView(await parameters.read(robot, by=caller.name))
+    return await begun(await parameters.read(robot, by=caller.name))
 
 
 @router.put("/parameters/{name}")
@@ -125,17 +121,17 @@ async def list_logs(caller: Viewer, robot: str, logs: RobotLogsDep) -> RobotLogs
 
 
 @router.post("/logs/read", status_code=202)
-async def read_logs(caller: Pilot, robot: str, logs: RobotLogsDep) -> JobIdView:
+async def read_logs(caller: Pilot, robot: str, logs: RobotLogsDep, begun: JobBegun) -> JobView:
     """Ask the robot which files it has."""
-    return JobIdView(await logs.read(robot, by=caller.name))
+    return await begun(await logs.read(robot, by=caller.name))
 
 
 @router.post("/logs/download", status_code=202)
 async def download_log(
-    caller: Pilot, robot: str, body: LogRequest, logs: RobotLogsDep
-) -> JobIdView:
+    caller: Pilot, robot: str, body: LogRequest, logs: RobotLogsDep, begun: JobBegun
+) -> JobView:
     """Fetch a file; a transfer that broke off before goes on where it stopped."""
-    return JobIdView(await logs.download(robot, body.path, by=caller.name))
+    return await begun(await logs.download(robot, body.path, by=caller.name))
 
 
 @router.get(

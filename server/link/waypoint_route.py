@@ -12,7 +12,7 @@ from server.access.dependency import Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View, one_of
-from server.link.onboard_route import JobIdView
+from server.base.work.job_view import JobBegun, JobView
 from server.link.waypoints import Waypoint, WaypointMission, Waypoints
 
 router = APIRouter(
@@ -83,17 +83,19 @@ async def get_waypoints(caller: Viewer, robot: str, waypoints: WaypointsDep) -> 
 
 @router.put("", status_code=202)
 async def put_waypoints(
-    caller: PilotInCharge, robot: str, body: WaypointsBody, waypoints: WaypointsDep
-) -> JobIdView:
+    caller: PilotInCharge, robot: str, body: WaypointsBody, waypoints: WaypointsDep, begun: JobBegun
+) -> JobView:
     """Put a mission on board and prove it by reading it back."""
     wanted = [same(Waypoint, one) for one in body.waypoints]
-    return JobIdView(await waypoints.upload(robot, wanted, by=caller.name))
+    return await begun(await waypoints.upload(robot, wanted, by=caller.name))
 
 
 @router.post("/read", status_code=202)
-async def read_waypoints(caller: Pilot, robot: str, waypoints: WaypointsDep) -> JobIdView:
+async def read_waypoints(
+    caller: Pilot, robot: str, waypoints: WaypointsDep, begun: JobBegun
+) -> JobView:
     """Read the mission on board."""
-    return JobIdView(await waypoints.read(robot, by=caller.name))
+    return await begun(await waypoints.read(robot, by=caller.name))
 
 
 def _view(mission: WaypointMission) -> WaypointsView:

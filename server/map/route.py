@@ -19,6 +19,7 @@ from server.base.dependency import DeploymentDep, FoundationDep, period_of, serv
 from server.base.foundation import Foundation
 from server.base.problem import not_found
 from server.base.view import encoded
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.fleet.dependency import FleetDep
 from server.map.choice import MapChoices
 from server.map.comparison import MapComparisons
@@ -31,10 +32,10 @@ from server.map.threshold import ThresholdShares
 from server.map.view import (
     AxesView,
     FieldMapView,
+    LearnedView,
     MapChoiceView,
     MapComparisonView,
     MapEntryView,
-    MapJobView,
     SampleCountView,
     ScoresView,
     ShareAboveView,
@@ -202,26 +203,26 @@ async def get_comparison(
 
 @router.post("/{variable}/comparison", status_code=202)
 async def start_comparison(
-    caller: Pilot, robot: str, variable: str, comparisons: MapComparisonsDep
-) -> MapJobView:
+    caller: Pilot, robot: str, variable: str, comparisons: MapComparisonsDep, begun: JobBegun
+) -> JobView:
     """Compare all field models on all samples, in a process of its own.
 
     They are scored against the truth where the robot is simulated, else against whole dives that
     are held out. The same job is returned while one is under way.
     """
-    return MapJobView(await comparisons.start(robot, variable, by=caller.name))
+    return await begun(await comparisons.start(robot, variable, by=caller.name))
 
 
-@router.post("/{variable}/learning", status_code=202)
+@router.post("/{variable}/learning", status_code=202, openapi_extra=leaves(LearnedView))
 async def start_learning(
-    caller: Pilot, robot: str, variable: str, learning: MapLearningDep
-) -> MapJobView:
+    caller: Pilot, robot: str, variable: str, learning: MapLearningDep, begun: JobBegun
+) -> JobView:
     """Learn the kernels of the map's model from all samples, in a process of its own.
 
     What is found becomes a new version of the `field` settings, and the map is made anew. The same
     job is returned while one is under way.
     """
-    return MapJobView(await learning.start(robot, variable, by=caller.name))
+    return await begun(await learning.start(robot, variable, by=caller.name))
 
 
 @dataclass(frozen=True, slots=True)

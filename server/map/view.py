@@ -222,10 +222,3 @@ class LearnedView(LearnedKernels):
     samples: int
     config: str | None
     """Version of the field's settings with what was learned; null if nothing was better."""
-
-
-@dataclass(frozen=True, slots=True)
-class MapJobView(View):
-    """Work on a map that was begun."""
-
-    job: str

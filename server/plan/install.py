@@ -44,6 +44,8 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(PlanChanged, show)
     bus.subscribe(PlanChanged, planning.take)
     bus.subscribe(PlanSeen, show)
+    foundation.changes.follow(PlanChanged, lambda event: event.plan.id)
+    foundation.changes.follow(PlanSeen, lambda event: event.plan.id)
     bus.subscribe(RobotReported, lambda event: ledger.robot_changed(event.robot))
     bus.subscribe(PlanReported, lambda event: follower.take(event.report))
     bus.subscribe(PlanQueueReported, lambda event: follower.take_queue(event.queue))

@@ -10,6 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, StoreDep, period_of, service
 from server.base.view import View
+from server.base.work.started import Started, StartedView
 from server.fleet.dependency import FleetDep
 from server.plan.document import plan_summary
 from server.plan.planning import Planning
@@ -18,13 +19,6 @@ from server.plan.view import PlanSummaryView, ViolationView
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
 
 PlanningDep = Annotated[Planning, Depends(service(Planning))]
-
-
-@dataclass(frozen=True, slots=True)
-class PlanIdView(View):
-    """Where to ask how the plan fares."""
-
-    id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,19 +54,23 @@ async def list_robot_plans(
 
 
 @router.post("/plans/{plan}/cancel", status_code=202)
-async def cancel_plan(caller: Pilot, plan: str, planning: PlanningDep) -> PlanIdView:
+async def cancel_plan(
+    caller: Pilot, plan: str, planning: PlanningDep, started: Started
+) -> StartedView:
     """Stop planning, or throw a draft away; a plan that has left the station is not cancelled."""
     del caller
     record: PlanRecord = await planning.cancel(plan)
-    return PlanIdView(record.id)
+    return started(record.id)
 
 
 @router.post("/plans/{plan}/rehearse", status_code=202)
-async def rehearse_plan(caller: Pilot, plan: str, planning: PlanningDep) -> PlanIdView:
+async def rehearse_plan(
+    caller: Pilot, plan: str, planning: PlanningDep, started: Started
+) -> StartedView:
     """Fly a draft ahead again, however long that takes; 409 for a plan that is no draft."""
     del caller
     record = await planning.rehearse(plan)
-    return PlanIdView(record.id)
+    return started(record.id)
 
 
 @router.post("/plans/{plan}/check")

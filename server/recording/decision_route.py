@@ -18,8 +18,9 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, StoreDep, cut_to, service
 from server.base.view import View, one_of
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.fleet.dependency import FleetDep
-from server.recording.decision_replays import DecisionReplays
+from server.recording.decision_replays import DecisionReplayResult, DecisionReplays
 
 router = APIRouter(
     prefix="/api/robots/{robot}/decisions", tags=["decisions"], route_class=IdempotentRoute
@@ -78,14 +79,6 @@ class DecisionsView(View):
     """The replay under way."""
 
 
-@dataclass(frozen=True, slots=True)
-class DecisionReplayView(View):
-    """Where to ask how far a replay is; its result has the verdicts."""
-
-    id: str
-    """Id of the job."""
-
-
 @router.get("")
 async def read_decisions(
     caller: Viewer,
@@ -114,23 +107,24 @@ async def read_decisions(
     )
 
 
-@router.post("/replay", status_code=202)
+@router.post("/replay", status_code=202, openapi_extra=leaves(DecisionReplayResult))
 async def replay_decisions(
     caller: Pilot,
     robot: str,
     fleet: FleetDep,
     replays: ReplaysDep,
     deployment: DeploymentDep,
+    begun: JobBegun,
     start: Start = None,
     end: End = None,
-) -> DecisionReplayView:
+) -> JobView:
     """Make a robot's decisions once more of what they were made of, and compare the outcomes.
 
     It takes as long as the decisions took, gives way to all other work, and changes nothing.
     """
     fleet.status(robot)
     wanted = DecisionRange((robot,), *cut_to(deployment, robot, start, end))
-    return DecisionReplayView(await replays.start(robot, wanted, by=caller.name))
+    return await begun(await replays.start(robot, wanted, by=caller.name))
 
 
 def _view(decision: DecisionRecord, title: str, verdict: str | None, because: str) -> DecisionView:

@@ -18,6 +18,7 @@ from server.base.job import JobProgress
 from server.base.problem import conflict, not_found
 from server.base.text import shown
 from server.base.view import Body, View
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.recording.foreign import (
     Confirmed,
     ImportReport,
@@ -44,24 +45,6 @@ router = APIRouter(prefix="/api/imports", tags=["data"])
 _NAME_MAX = 60
 _OFFSET_MAX_S = 4e9
 """A clock that was never set begins in 1970."""
-
-
-@dataclass(frozen=True, slots=True)
-class UploadView(View):
-    """Where to ask what was read."""
-
-    id: str
-    """Id of the job, whose result is the proposal."""
-    upload: str
-    """Names the upload where it is confirmed."""
-
-
-@dataclass(frozen=True, slots=True)
-class ConfirmedView(View):
-    """Where to ask how far the import is."""
-
-    id: str
-    """Id of the job, whose result is the report."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +87,16 @@ class Confirmation(Body):
     telemetry is refused until somebody says it, or 0."""
 
 
-@router.post("/uploads", status_code=202)
+@router.post("/uploads", status_code=202, openapi_extra=leaves(RecordingProposal))
 async def start_upload(
     caller: Pilot,
     files: Annotated[list[UploadFile], File(description="The files of one recording.")],
     foundation: FoundationDep,
-) -> UploadView:
+    begun: JobBegun,
+) -> JobView:
     """Read files of any maker and propose what their columns become; nothing is kept yet.
+
+    `about` of the job names the upload where it is confirmed.
 
     Taken are tables with any columns, dives of a Seaglider, files of OG1.0, flight and science
     files of a Slocum with their cache files, and the card of a robot of ours, which needs no
@@ -128,18 +114,19 @@ async def start_upload(
             await asyncio.to_thread(forget_upload, order.folder)
             raise
 
-    job = await foundation.jobs.start("import reading", work, by=caller.name)
-    return UploadView(job.id, upload)
+    job = await foundation.jobs.start("import reading", work, by=caller.name, about=upload)
+    return await begun(job.id)
 
 
-@router.post("/uploads/{upload}", status_code=202)
+@router.post("/uploads/{upload}", status_code=202, openapi_extra=leaves(ImportReport))
 async def confirm_upload(
     caller: Pilot,
     upload: str,
     body: Confirmation,
     pilot_of: PilotOf,
     foundation: FoundationDep,
-) -> ConfirmedView:
+    begun: JobBegun,
+) -> JobView:
     """Import an upload by a mapping, whole or not at all.
 
     Rows that are kept already are not kept again: the report says how many of those that were read
@@ -178,7 +165,7 @@ async def confirm_upload(
         )
 
     job = await foundation.jobs.start("import", work, by=caller.name, robot=body.robot)
-    return ConfirmedView(job.id)
+    return await begun(job.id)
 
 
 @router.get("/templates")

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, File, Form, UploadFile
@@ -11,7 +10,7 @@ from server.access.dependency import Pilot, PilotOf
 from server.base.dependency import FoundationDep
 from server.base.job import JobProgress, kept_upload
 from server.base.text import shown
-from server.base.view import View
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.recording.intake import ImportOrder, ImportResult, run_import
 from server.recording.keep import ROBOT_ID
 from server.recording.table import Policy
@@ -19,15 +18,7 @@ from server.recording.table import Policy
 router = APIRouter(prefix="/api/imports", tags=["data"])
 
 
-@dataclass(frozen=True, slots=True)
-class ImportView(View):
-    """Where to ask how far the import is."""
-
-    id: str
-    """Id of the job."""
-
-
-@router.post("", status_code=202)
+@router.post("", status_code=202, openapi_extra=leaves(ImportResult))
 async def start_import(
     caller: Pilot,
     file: Annotated[UploadFile, File(description="The CSV file of a recording.")],
@@ -36,10 +27,11 @@ async def start_import(
     ],
     pilot_of: PilotOf,
     foundation: FoundationDep,
+    begun: JobBegun,
     policy: Annotated[
         Policy, Form(description="What becomes of a file that has broken rows.")
     ] = Policy.REFUSE,
-) -> ImportView:
+) -> JobView:
     """Import a CSV file as a recorded deployment of a robot, which is created if not known.
 
     The columns are ``time,latitude,longitude,depth`` and variables. With ``roll_deg``,
@@ -66,4 +58,4 @@ async def start_import(
             return await run_import(order, store, clock, progress)
 
     job = await foundation.jobs.start("import", work, by=caller.name, robot=robot)
-    return ImportView(job.id)
+    return await begun(job.id)

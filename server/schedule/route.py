@@ -36,7 +36,7 @@ class ScheduleRequest(Body):
     """Whether to send it although it was made for another place or time by then."""
 
 
-@router.post("/plans/{plan}/schedule", status_code=202)
+@router.post("/plans/{plan}/schedule", status_code=201)
 async def schedule_plan(
     caller: PilotInCharge, plan: str, body: ScheduleRequest, schedule: ScheduleDep
 ) -> ScheduledSendView:

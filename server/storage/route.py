@@ -11,11 +11,12 @@ from server.access.dependency import Admin, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.view import SettingsPatch
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.storage.passes import Passes
+from server.storage.result import StoragePassResult, StoragePreviewResult
 from server.storage.sizes import Sizes
 from server.storage.view import (
     PrunedStretchView,
-    StorageJobView,
     StorageView,
     storage_view,
     stretch_view,
@@ -39,10 +40,14 @@ async def get_storage(
     return storage_view(sizes, passes, pruned)
 
 
-@router.post("/storage/preview", status_code=202)
+@router.post("/storage/preview", status_code=202, openapi_extra=leaves(StoragePreviewResult))
 async def preview_storage(
-    caller: Admin, rules: SettingsPatch, foundation: FoundationDep, passes: PassesDep
-) -> StorageJobView:
+    caller: Admin,
+    rules: SettingsPatch,
+    foundation: FoundationDep,
+    passes: PassesDep,
+    begun: JobBegun,
+) -> JobView:
     """Look at what would go, and change nothing; the job's result has it by robot and deployment.
 
     The rules are those that hold, with the fields of the body on top, which are those of
@@ -50,17 +55,17 @@ async def preview_storage(
     """
     merged = await foundation.configurations.merged("storage", None, rules.root)
     config = merged.value_as(StorageConfig)
-    return StorageJobView(await passes.preview(config, by=caller.name))
+    return await begun(await passes.preview(config, by=caller.name))
 
 
-@router.post("/storage/passes", status_code=202)
-async def start_pass(caller: Admin, passes: PassesDep) -> StorageJobView:
+@router.post("/storage/passes", status_code=202, openapi_extra=leaves(StoragePassResult))
+async def start_pass(caller: Admin, passes: PassesDep, begun: JobBegun) -> JobView:
     """Thin, move and delete at once what is due by the rules that hold.
 
     Answers with the job of the pass under way if there is one. What was done stays done when the
     job is cancelled; the next pass goes on.
     """
-    return StorageJobView(await passes.start(by=caller.name))
+    return await begun(await passes.start(by=caller.name))
 
 
 @router.get("/robots/{robot}/pruned")

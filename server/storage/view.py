@@ -87,14 +87,6 @@ class PrunedStretchView(View):
     """The same in words."""
 
 
-@dataclass(frozen=True, slots=True)
-class StorageJobView(View):
-    """Where to ask how far the work is."""
-
-    id: str
-    """Id of the job."""
-
-
 def storage_view(sizes: Sizes, passes: Passes, pruned: list[PrunedStretch]) -> StorageView:
     """Return everything as it is told."""
     last = passes.last

@@ -10,12 +10,12 @@ from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.text import Title
 from server.base.view import Body, SettingsDocument, encoded
+from server.base.work.job_view import JobBegun, JobView
 from server.study.identification import Identifications
 from server.study.view import (
     AcceptedVehicleView,
     IdentificationsView,
     IdentificationView,
-    StudyStartedView,
 )
 
 router = APIRouter(prefix="/api", tags=["identification"], route_class=IdempotentRoute)
@@ -48,16 +48,20 @@ class AcceptRequest(Body):
 
 @router.post("/robots/{robot}/identifications", status_code=202)
 async def start_identification(
-    caller: Pilot, robot: str, body: IdentificationRequest, identifications: IdentificationsDep
-) -> StudyStartedView:
-    """Begin a search in a process of its own.
+    caller: Pilot,
+    robot: str,
+    body: IdentificationRequest,
+    identifications: IdentificationsDep,
+    begun: JobBegun,
+) -> JobView:
+    """Begin a search in a process of its own; `about` of the job is its id.
 
     409 says what a recording lacks: channels, reports from under water, or any report at all.
     """
-    identification, job = await identifications.start(
+    _, job = await identifications.start(
         robot, body.deployment, body.config, start=body.start, end=body.end, by=caller.name
     )
-    return StudyStartedView(id=identification, job=job)
+    return await begun(job)
 
 
 @router.get("/robots/{robot}/identifications")
@@ -94,11 +98,11 @@ async def cancel_identification(
 
 @router.post("/identifications/{identification}/resume", status_code=202)
 async def resume_identification(
-    caller: Pilot, identification: str, identifications: IdentificationsDep
-) -> StudyStartedView:
+    caller: Pilot, identification: str, identifications: IdentificationsDep, begun: JobBegun
+) -> JobView:
     """Let a search go on from its last checkpoint, also after a restart of the station."""
-    found, job = await identifications.resume(identification, by=caller.name)
-    return StudyStartedView(id=found, job=job)
+    _, job = await identifications.resume(identification, by=caller.name)
+    return await begun(job)
 
 
 @router.post("/identifications/{identification}/accept", status_code=201)

@@ -9,8 +9,9 @@ from server.access.dependency import Pilot, PilotInCharge
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.study.trim import STEPS, TrimAdvices
-from server.study.view import AdviceJobView, TrimView
+from server.study.view import TrimAdviceView, TrimView
 
 router = APIRouter(prefix="/api/robots/{robot}/trim", tags=["trim"], route_class=IdempotentRoute)
 
@@ -42,10 +43,14 @@ class TrimAcceptance(Body):
         return share
 
 
-@router.post("/advice", status_code=202)
+@router.post("/advice", status_code=202, openapi_extra=leaves(TrimAdviceView))
 async def start_advice(
-    caller: Pilot, robot: str, trim: TrimAdvicesDep, body: AdviceRequest | None = None
-) -> AdviceJobView:
+    caller: Pilot,
+    robot: str,
+    trim: TrimAdvicesDep,
+    begun: JobBegun,
+    body: AdviceRequest | None = None,
+) -> JobView:
     """Work out by how much the trim is off.
 
     The job's result is the advice with its `id`: the errors now and after the change, the offsets
@@ -54,7 +59,7 @@ async def start_advice(
     """
     wish = body or AdviceRequest()
     job = await trim.start(robot, wish.deployment, wish.dives, by=caller.name)
-    return AdviceJobView(job=job)
+    return await begun(job)
 
 
 @router.post("/accept")

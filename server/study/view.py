@@ -14,14 +14,6 @@ from autonomy.whatif.result import ComparisonResult
 from server.base.study import StudySummary, StudyView
 
 
-class StudyStartedView(Result):
-    """Where to ask what came of a study, and how far its work is."""
-
-    id: str
-    job: str
-    """Its progress by `GET /api/jobs/{job}`; `DELETE` calls it off."""
-
-
 class WhatIfAsked(Result):
     """Controllers in one scenario."""
 
@@ -171,13 +163,6 @@ class AcceptedVehicleView(Result):
     flown glides."""
     trim_message: str
     """What the advice is about, or why there is none."""
-
-
-class AdviceJobView(Result):
-    """Where to wait for a trim advice."""
-
-    job: str
-    """Its result is the advice, with the id by which it is accepted."""
 
 
 class TrimView(Result):

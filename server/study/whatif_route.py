@@ -10,7 +10,8 @@ from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.text import Title
 from server.base.view import Body, SettingsDocument, encoded
-from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
+from server.base.work.job_view import JobBegun, JobView
+from server.study.view import WhatIfsView, WhatIfView
 from server.study.whatif import ControllerRequest, WhatIfs
 
 router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
@@ -47,15 +48,15 @@ class ShownWhatIf(Body):
 
 @router.post("/robots/{robot}/whatif", status_code=202)
 async def start_whatif(
-    caller: Pilot, robot: str, body: WhatIfRequest, whatifs: WhatIfsDep
-) -> StudyStartedView:
-    """Begin a run in a process of its own.
+    caller: Pilot, robot: str, body: WhatIfRequest, whatifs: WhatIfsDep, begun: JobBegun
+) -> JobView:
+    """Begin a run in a process of its own; `about` of the job is its id.
 
     422 names each wrong field by its path, or the limit of the vehicle that the reference breaks.
     """
     requests = [ControllerRequest(one.kind, one.title, one.config) for one in body.controllers]
-    whatif, job = await whatifs.start(robot, body.scenario, requests, by=caller.name)
-    return StudyStartedView(id=whatif, job=job)
+    _, job = await whatifs.start(robot, body.scenario, requests, by=caller.name)
+    return await begun(job)
 
 
 @router.get("/robots/{robot}/whatifs")

@@ -68,6 +68,7 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(PlanOutdated, lambda event: missions.robot_said_more(event.robot))
     bus.subscribe(PlanChanged, missions.plan_changed)
     bus.subscribe(MissionChanged, show)
+    foundation.changes.follow(MissionChanged, lambda event: event.mission)
     bus.subscribe_within(SurfaceOrdered, stop_for)
     bus.subscribe(SurfaceOrdered, missions.surface_ordered)
     foundation.lifetime.on_load(missions.load)

@@ -1,6 +1,5 @@
 """Missions: an adaptive survey plans, flies and maps until its budget is spent."""
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query
@@ -9,7 +8,9 @@ from pydantic import Field, field_validator
 from server.access.dependency import InChargeOf, Pilot, PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
-from server.base.view import Body, View
+from server.base.view import Body
+from server.base.work.changes import WaitingDep
+from server.base.work.started import Started, StartedView
 from server.checklist.gate import Overrule
 from server.fleet.dependency import FleetDep
 from server.fleet.status import FOLLOW_TARGET
@@ -51,13 +52,6 @@ class StartRequest(Body):
     logged, and shown at its first plan."""
 
 
-@dataclass(frozen=True, slots=True)
-class MissionIdView(View):
-    """Where to ask how the mission fares."""
-
-    id: str
-
-
 @router.post("/robots/{robot}/missions", status_code=202)
 async def create_mission(
     caller: Pilot,
@@ -65,11 +59,12 @@ async def create_mission(
     body: MissionRequest,
     surveys: SurveysDep,
     in_charge_of: InChargeOf,
-) -> MissionIdView:
+    started: Started,
+) -> StartedView:
     """Begin a survey: its first round is planned and then waits for `start`."""
     if body.automation:
         await in_charge_of((robot,))
-    return MissionIdView(
+    return started(
         await surveys.create(robot, body.config, automation=body.automation, by=caller.name)
     )
 
@@ -90,16 +85,26 @@ async def list_missions(
 
 
 @router.get("/missions/{mission}")
-async def get_mission(caller: Viewer, mission: str, missions: MissionLedgerDep) -> MissionView:
+async def get_mission(
+    caller: Viewer, mission: str, missions: MissionLedgerDep, waiting: WaitingDep
+) -> MissionView:
     """Return a mission: state, rounds, budget spent as the robot reports it, scores."""
     del caller
-    return await missions.view(mission)
+    return await waiting.told(
+        mission,
+        lambda: missions.view(mission),
+        has_ended=lambda one: one.state in ("done", "failed", "stopped"),
+    )
 
 
 @router.post("/missions/{mission}/start", status_code=202)
 async def start_mission(
-    caller: PilotInCharge, mission: str, surveys: SurveysDep, body: StartRequest | None = None
-) -> MissionIdView:
+    caller: PilotInCharge,
+    mission: str,
+    surveys: SurveysDep,
+    started: Started,
+    body: StartRequest | None = None,
+) -> StartedView:
     """Send and start the draft, and each further round, until the budget is spent.
 
     409 lists what is open of a checklist that the robot's settings require.
@@ -107,11 +112,13 @@ async def start_mission(
     reason = "" if body is None else body.overrule.strip()
     overrule = Overrule(reason, caller.name) if reason else None
     await surveys.start(mission, by=caller.name, overrule=overrule)
-    return MissionIdView(mission)
+    return started(mission)
 
 
 @router.post("/missions/{mission}/stop", status_code=202)
-async def stop_mission(caller: PilotInCharge, mission: str, surveys: SurveysDep) -> MissionIdView:
+async def stop_mission(
+    caller: PilotInCharge, mission: str, surveys: SurveysDep, started: Started
+) -> StartedView:
     """End the automation; the draft stays, and the robot finishes the plan that it flies."""
     await surveys.stop(mission, by=caller.name)
-    return MissionIdView(mission)
+    return started(mission)

@@ -10,9 +10,9 @@ from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, SettingsDocument
+from server.base.work.started import Started, StartedView
 from server.plan.planning import Planning
 from server.plan.primitive_legs import LegRequest
-from server.plan.route import PlanIdView
 from server.plan.search.request import SearchRequest
 from server.survey.plan_choice import PlanChoices
 from server.survey.surveys import Surveys
@@ -133,18 +133,19 @@ async def create_plan(
     planning: PlanningDep,
     surveys: SurveysDep,
     targets: TargetPlanningDep,
-) -> PlanIdView:
+    started: Started,
+) -> StartedView:
     """Begin a plan: 409 or 422 at once if it cannot be made, else it becomes a draft or fails."""
     if isinstance(body, SurveyPlanRequest) and body.mission is not None:
         plan = await surveys.plan_again(robot, body.mission, body.config, by=caller.name)
-        return PlanIdView(plan.id)
+        return started(plan.id)
     if isinstance(body, TargetPlanRequest):
         plan = await targets.plan(robot, body.config, by=caller.name, base=body.base)
-        return PlanIdView(plan.id)
+        return started(plan.id)
     if isinstance(body, SurveyPlanRequest) and not body.keep_settings:
         config = await planning.settings.merged(robot, body.config)
         plan = await planning.plan_survey(SearchRequest(robot, config, None, by=caller.name))
-        return PlanIdView(plan.id)
+        return started(plan.id)
     config_id, config = await planning.configure(robot, body.config, by=caller.name)
     if isinstance(body, PrimitivesPlanRequest):
         legs = [
@@ -162,23 +163,27 @@ async def create_plan(
         plan = await planning.plan_primitives(robot, config, config_id, legs, by=caller.name)
     else:
         plan = await planning.plan_survey(SearchRequest(robot, config, config_id, by=caller.name))
-    return PlanIdView(plan.id)
+    return started(plan.id)
 
 
 @router.post("/plans/{plan}/choose", status_code=202)
 async def choose_runner_up(
-    caller: Pilot, plan: str, body: ChoiceRequest, choices: PlanChoicesDep
-) -> PlanIdView:
+    caller: Pilot, plan: str, body: ChoiceRequest, choices: PlanChoicesDep, started: Started
+) -> StartedView:
     """Make a draft of a runner-up; the old draft stays one until then, and is then superseded."""
     record = await choices.choose(plan, body.runner_up, by=caller.name)
-    return PlanIdView(record.id)
+    return started(record.id)
 
 
 @router.post("/plans/{plan}/continue", status_code=202)
 async def continue_search(
-    caller: Pilot, plan: str, choices: PlanChoicesDep, body: ContinueRequest | None = None
-) -> PlanIdView:
+    caller: Pilot,
+    plan: str,
+    choices: PlanChoicesDep,
+    started: Started,
+    body: ContinueRequest | None = None,
+) -> StartedView:
     """Search on from a draft and its runners-up; the old draft stays until the new one is found."""
     wanted = body or ContinueRequest()
     record = await choices.go_on(plan, wanted.planning_time_s, by=caller.name)
-    return PlanIdView(record.id)
+    return started(record.id)

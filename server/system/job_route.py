@@ -1,35 +1,19 @@
 """Long work: how far it is, what came of it, and calling it off."""
 
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
 
-from db.query.station.jobs import JobRecord
+from db.query.station.jobs import OPEN_STATES
 from db.query.station.jobs import list_jobs as query_jobs
-from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep
-from server.base.view import View, one_of
+from server.base.view import View
+from server.base.work.changes import WaitingDep
+from server.base.work.job_view import JobView, job_view
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
-
-
-@dataclass(frozen=True, slots=True)
-class JobView(View):
-    """One piece of long work."""
-
-    id: str
-    kind: str
-    state: Annotated[str, one_of("queued", "running", "done", "failed", "cancelled")]
-    """``queued``, ``running``, ``done``, ``failed`` or ``cancelled``."""
-    progress: float
-    """0 to 1."""
-    message: str
-    result: dict[str, Any] | None
-    created_at: datetime
-    ended_at: datetime | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +40,24 @@ async def list_jobs(
 
 
 @router.get("/{job}")
-async def get_job(caller: Viewer, job: str, foundation: FoundationDep) -> JobView:
-    """Return one job with its newest progress."""
+async def get_job(
+    caller: Viewer,
+    job: str,
+    foundation: FoundationDep,
+    waiting: WaitingDep,
+    until: Annotated[
+        Literal["change", "end"], Query(description="What `wait_s` waits for.")
+    ] = "change",
+) -> JobView:
+    """Return one job with its newest progress; with `wait_s`, once it got further or ended."""
     del caller
-    return job_view(await foundation.jobs.get(job))
+
+    async def look() -> JobView:
+        return job_view(await foundation.jobs.get(job))
+
+    return await waiting.told(
+        job, look, has_ended=_has_ended, is_news=_has_ended if until == "end" else _is_news
+    )
 
 
 @router.delete("/{job}")
@@ -69,6 +67,10 @@ async def cancel_job(caller: Pilot, job: str, foundation: FoundationDep) -> JobV
     return job_view(await foundation.jobs.cancel(job))
 
 
-def job_view(job: JobRecord) -> JobView:
-    """Return a job as it is shown."""
-    return same(JobView, job, result=None if job.result is None else dict(job.result))
+def _has_ended(job: JobView) -> bool:
+    return job.state not in OPEN_STATES
+
+
+def _is_news(job: JobView) -> bool:
+    del job
+    return True

@@ -26,6 +26,7 @@ from server.base.job import JobProgress, kept_upload
 from server.base.problem import not_found
 from server.base.text import shown
 from server.base.view import encoded
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.fleet.dependency import FleetDep
 from server.fleet.water import site_robots
 from server.link.ingest import CLOCK_OFF_MAX_S
@@ -35,7 +36,6 @@ from server.tag.heard import Heard, Listening, heard, listening, rates_per_hour,
 from server.tag.importing import DetectionsImported, DetectionsOrder, run_import
 from server.tag.maps import mapped_variables
 from server.tag.view import (
-    DetectionImportView,
     DetectionsView,
     DetectionView,
     RatePointView,
@@ -155,14 +155,15 @@ async def export_detections(
     return StreamingResponse(blocks, media_type="text/csv; charset=utf-8", headers=headers)
 
 
-@router.post("/detections", status_code=202)
+@router.post("/detections", status_code=202, openapi_extra=leaves(DetectionsImported))
 async def import_detections(
     caller: Pilot,
     robot: str,
     file: Annotated[UploadFile, File(description="A CSV file, as VUE exports it.")],
     fleet: FleetDep,
     foundation: FoundationDep,
-) -> DetectionImportView:
+    begun: JobBegun,
+) -> JobView:
     """Import an export of VUE: every row, or none with each broken row named in the job's result.
 
     Rows without a position are placed where the robot was at that time. What is here already
@@ -180,7 +181,7 @@ async def import_detections(
         return done
 
     job = await foundation.jobs.start("detections", work, by=caller.name, robot=robot)
-    return DetectionImportView(job.id)
+    return await begun(job.id)
 
 
 @router.get("/tags")

@@ -133,11 +133,3 @@ class RestingView(View):
     most_ha: float
     text: str
     """In words."""
-
-
-@dataclass(frozen=True, slots=True)
-class DetectionImportView(View):
-    """Where to ask how far the import is."""
-
-    id: str
-    """Id of the job."""

@@ -42,6 +42,7 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(UploadReported, lambda event: transfers.take_upload(event.report))
     bus.subscribe(RobotReported, lambda event: transfers.robot_changed(event.robot))
     bus.subscribe(TransferChanged, show)
+    foundation.changes.follow(TransferChanged, lambda event: event.transfer.id)
     foundation.lifetime.on_stop(transfers.stop)
     foundation.lifetime.on_start(transfers.resume)
     foundation.lifetime.run("transfers", transfers.run)

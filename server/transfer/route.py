@@ -1,15 +1,18 @@
 """Transfers: what one would cost, sending a plan, and how far it is on its way."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends
 from pydantic import Field
 
+from db.query.mission.plans import ENDED_STATES
 from server.access.dependency import PilotInCharge, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
-from server.base.view import Body, View
+from server.base.view import Body
+from server.base.work.changes import WaitingDep
+from server.base.work.started import Started, StartedView
 from server.checklist.gate import Overrule
 from server.fleet.link_view import SatelliteQuoteView
 from server.plan.ledger import PlanLedger
@@ -38,21 +41,22 @@ class UploadRequest(Body):
     logged, and shown at the plan. Without it 409 lists what is open."""
 
 
-@dataclass(frozen=True, slots=True)
-class TransferIdView(View):
-    """Where to ask how far the transfer is."""
-
-    transfer: str
-
-
 @router.get("/plans/{plan}", tags=["plans"])
 async def get_plan(
-    caller: Viewer, plan: str, ledger: PlanLedgerDep, transfers: TransfersDep
+    caller: Viewer,
+    plan: str,
+    ledger: PlanLedgerDep,
+    transfers: TransfersDep,
+    waiting: WaitingDep,
 ) -> PlanView:
     """Return a plan: its legs, its account, what it breaks, and where it is on its way."""
     del caller
-    view = ledger.view(await ledger.get(plan))
-    return replace(view, transfer=await transfers.view_of_plan(plan))
+
+    async def look() -> PlanView:
+        view = ledger.view(await ledger.get(plan))
+        return replace(view, transfer=await transfers.view_of_plan(plan))
+
+    return await waiting.told(plan, look, has_ended=lambda one: one.state in ENDED_STATES)
 
 
 @router.get("/plans/{plan}/satellite", tags=["plans"])
@@ -67,8 +71,12 @@ async def quote_plan(caller: Viewer, plan: str, transfers: TransfersDep) -> Sate
 
 @router.post("/plans/{plan}/upload", status_code=202, tags=["plans"])
 async def upload_plan(
-    caller: PilotInCharge, plan: str, transfers: TransfersDep, body: UploadRequest | None = None
-) -> TransferIdView:
+    caller: PilotInCharge,
+    plan: str,
+    transfers: TransfersDep,
+    started: Started,
+    body: UploadRequest | None = None,
+) -> StartedView:
     """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
 
     The robot's old plan stays until the new one is whole and proved by its hash. While one is
@@ -84,14 +92,20 @@ async def upload_plan(
         may_wait=True,
         overrule=Overrule(reason, caller.name) if reason else None,
     )
-    return TransferIdView(transfer)
+    return started(transfer)
 
 
 @router.get("/transfers/{transfer}")
-async def get_transfer(caller: Viewer, transfer: str, transfers: TransfersDep) -> TransferView:
+async def get_transfer(
+    caller: Viewer, transfer: str, transfers: TransfersDep, waiting: WaitingDep
+) -> TransferView:
     """Return a transfer: its parts, the level that is proved, and what it has cost."""
     del caller
-    return await transfers.view(transfer)
+    return await waiting.told(
+        transfer,
+        lambda: transfers.view(transfer),
+        has_ended=lambda one: one.ended_at is not None,
+    )
 
 
 @router.post("/transfers/{transfer}/withdraw")

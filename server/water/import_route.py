@@ -16,9 +16,10 @@ from server.base.dependency import FoundationDep, service
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.text import shown
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.base.worker import WORKER_FAILURES
+from server.water.proposal import ImportProposal
 from server.water.reading_task import TASK, ReadingOrder
-from server.water.view import ReadingJobView
 from server.water.waters import Waters
 
 router = APIRouter(prefix="/api/waters/imports", tags=["waters"])
@@ -27,17 +28,18 @@ WatersDep = Annotated[Waters, Depends(service(Waters))]
 Format = Literal["", "geojson", "kml", "kmz", "gpx", "geotiff", "netcdf", "xyz"]
 
 
-@router.post("", status_code=202)
+@router.post("", status_code=202, openapi_extra=leaves(ImportProposal))
 async def start_reading(
     caller: Admin,
     file: Annotated[UploadFile, File(description="A file of shapes or of depths.")],
     foundation: FoundationDep,
     waters: WatersDep,
+    begun: JobBegun,
     format: Annotated[Format, Form(description="How it is written; empty to find out.")] = "",
     crs: Annotated[
         str, Form(max_length=2000, description="Such as ``EPSG:32617``; empty for its own.")
     ] = "",
-) -> ReadingJobView:
+) -> JobView:
     """Read outline, keep-outs and places, or depths, from a file; nothing of it is kept yet.
 
     Taken are GeoJSON, KML, KMZ and GPX, and depths as GeoTIFF, NetCDF and XYZ text; ``format`` is
@@ -57,7 +59,7 @@ async def start_reading(
             kept.unlink(missing_ok=True)
 
     job = await foundation.jobs.start("water import", work, by=caller.name)
-    return ReadingJobView(job.id)
+    return await begun(job.id)
 
 
 async def _read(

@@ -44,14 +44,6 @@ class DepthsView(View):
     tide_offset_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class ReadingJobView(View):
-    """Where to ask what was read."""
-
-    id: str
-    """Id of the job; its result is an ``ImportProposal``, or names the faults."""
-
-
 class ConfirmedProposal(Body):
     """A proposal of `POST /api/waters/imports` as the operator confirms it."""
 

@@ -127,7 +127,7 @@ def pilot_of(demo):
          str(demo.data)],
         cwd=ROOT, capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()[-1]  # fmt: skip
-    return os.environ | {"GRACE_TOKEN": token}
+    return os.environ | {"GRACE_TOKEN": token, "PYTHONPATH": str(ROOT)}
 
 
 def test_the_example_script_plans_and_sends_nothing_by_default(demo):

@@ -64,7 +64,7 @@ def test_plan_by_satellite_is_flown_though_the_station_dies_on_the_way(demo):
     assert len(quote["messages"]) == 2
     assert quote["credits"] == sum(message["credits"] for message in quote["messages"])
 
-    transfer = demo.post(f"/api/plans/{plan}/upload", {"start": True})["transfer"]
+    transfer = demo.post(f"/api/plans/{plan}/upload", {"start": True})["id"]
 
     def on_its_way() -> dict:
         return demo.get(f"/api/transfers/{transfer}")

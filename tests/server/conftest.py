@@ -96,9 +96,12 @@ class StationClient(httpx.AsyncClient):
 
 
 @asynccontextmanager
-async def open_station(tmp_path: Path, world: World) -> AsyncGenerator[OpenStation, None]:
+async def open_station(
+    tmp_path: Path, world: World, **more: object
+) -> AsyncGenerator[OpenStation, None]:
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
-    settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
+    told = {"data_dir": tmp_path, "simulation": True, "worker_processes": 1, **more}
+    settings = Settings.model_validate(told)
     async with run_station(
         settings, lambda foundation: Station(foundation, world.make_link)
     ) as running:

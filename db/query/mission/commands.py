@@ -6,6 +6,7 @@ from datetime import datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from db.claim import note_made
 from db.deployment_span import Period
 from db.identity import public_id
 from db.query.change import row_and_robot
@@ -73,7 +74,9 @@ def add_command(
     )
     session.add(row)
     session.flush()
-    return _record(session, row, robot)
+    record = _record(session, row, robot)
+    note_made(session, record.id)
+    return record
 
 
 def add_level(

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from db.claim import note_made
 from db.deployment_span import Period
 from db.identity import key_of, public_id
 from db.query.change import row_and_robot, row_of
@@ -66,7 +67,9 @@ def add_mission(
     )
     session.add(row)
     session.flush()
-    return public_id("mission", row.key)
+    mission = public_id("mission", row.key)
+    note_made(session, mission)
+    return mission
 
 
 def change_mission(

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
+from db.claim import note_made
 from db.deployment_span import Period
 from db.fault import StoreError
 from db.identity import key_of, public_id
@@ -88,7 +89,9 @@ def add_plan(
     )
     session.add(row)
     session.flush()
-    return public_id("plan", row.key)
+    plan = public_id("plan", row.key)
+    note_made(session, plan)
+    return plan
 
 
 def change_plan(

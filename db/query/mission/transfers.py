@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from db.claim import note_made
 from db.identity import key_of, public_id
 from db.query.change import row_and_robot, row_of, set_fields
 from db.query.fleet.robots import robot_key
@@ -77,7 +78,9 @@ def add_transfer(
     )
     session.add(row)
     session.flush()
-    return public_id("transfer", row.key)
+    transfer = public_id("transfer", row.key)
+    note_made(session, transfer)
+    return transfer
 
 
 def change_transfer(session: Session, transfer: str, **changes: Any) -> TransferRecord:  # noqa: ANN401 - the fields differ in type

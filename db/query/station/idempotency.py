@@ -6,6 +6,7 @@ from datetime import datetime
 from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
+from db.claim import Claim
 from db.tables import Idempotency
 
 
@@ -18,31 +19,41 @@ class GivenAnswer:
     status: int | None
     """Status of the answer, or ``None`` while it is still being worked on."""
     body: bytes
+    has_acted: bool
+    """Whether anything was changed for it so far."""
+    made: str | None
+    """Id of what it made so far."""
 
 
-def claim(
-    session: Session, caller: str, request_key: str, fingerprint: str, at: datetime
-) -> GivenAnswer | None:
+def claim(session: Session, of: Claim, fingerprint: str, at: datetime) -> GivenAnswer | None:
     """Claim a key for a new request, or return what is known of the one that has it."""
-    row = session.get(Idempotency, (caller, request_key))
+    row = session.get(Idempotency, (of.caller, of.request_key))
     if row is not None:
-        return GivenAnswer(row.fingerprint, row.status, row.body or b"")
-    session.add(Idempotency(caller=caller, request_key=request_key, fingerprint=fingerprint, at=at))
+        return GivenAnswer(row.fingerprint, row.status, row.body or b"", row.has_acted, row.made)
+    session.add(
+        Idempotency(
+            caller=of.caller,
+            request_key=of.request_key,
+            fingerprint=fingerprint,
+            at=at,
+            has_acted=False,
+        )
+    )
     return None
 
 
-def settle(session: Session, caller: str, request_key: str, status: int, body: bytes) -> None:
+def settle(session: Session, of: Claim, status: int, body: bytes) -> None:
     """Keep the answer to the request that has claimed the key."""
-    row = session.get_one(Idempotency, (caller, request_key))
+    row = session.get_one(Idempotency, (of.caller, of.request_key))
     row.status = status
     row.body = body
 
 
-def release(session: Session, caller: str, request_key: str) -> None:
+def release(session: Session, of: Claim) -> None:
     """Give a key back whose request changed nothing, so that it may be tried again."""
     session.execute(
         delete(Idempotency).where(
-            Idempotency.caller == caller, Idempotency.request_key == request_key
+            Idempotency.caller == of.caller, Idempotency.request_key == of.request_key
         )
     )
 

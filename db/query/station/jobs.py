@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
+from db.claim import note_made
 from db.identity import key_of, public_id
 from db.query.change import row_of
 from db.record import same
@@ -33,10 +34,18 @@ class JobRecord:
     ended_at: datetime | None
     robot: str | None = None
     """Whose; ``None`` of what is about the station."""
+    about: str | None = None
+    """Id of what it works for, where that is kept beside it."""
 
 
 def add_job(
-    session: Session, kind: str, *, at: datetime, by: str, robot: str | None = None
+    session: Session,
+    kind: str,
+    *,
+    at: datetime,
+    by: str,
+    robot: str | None = None,
+    about: str | None = None,
 ) -> JobRecord:
     """Add a queued job."""
     row = Job(
@@ -48,10 +57,13 @@ def add_job(
         created_at=at,
         created_by=by,
         robot=robot,
+        about=about,
     )
     session.add(row)
     session.flush()
-    return _record(row)
+    record = _record(row)
+    note_made(session, record.id)
+    return record
 
 
 def save_job(session: Session, job: JobRecord) -> None:

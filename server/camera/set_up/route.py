@@ -8,6 +8,7 @@ from db.identity import public_id
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import ClockDep, service
+from server.base.work.job_view import JobBegun, JobView
 from server.camera.calibrations import CALIBRATION
 from server.camera.cameras import Cameras
 from server.camera.rig import CameraRig
@@ -24,7 +25,6 @@ from server.camera.set_up.view import (
     latency_view,
 )
 from server.camera.tags import Tags
-from server.camera.view import CameraJobView
 from server.camera.watch import CameraWatch
 
 router = APIRouter(prefix="/api", tags=["cameras"], route_class=IdempotentRoute)
@@ -36,21 +36,23 @@ Number = Annotated[int | None, Query(ge=1, description="Only this picture; by de
 
 
 @router.post("/cameras/adjust", status_code=202)
-async def adjust(caller: Pilot, body: AdjustOrder, jobs: JobsDep) -> CameraJobView:
+async def adjust(caller: Pilot, body: AdjustOrder, jobs: JobsDep, begun: JobBegun) -> JobView:
     """Place all cameras at once by 50 pictures of the fixed tags, or one that was moved.
 
     The job's result is the calibration, which is in use then; or it says why none was taken, with
     the number of the tag to blame.
     """
-    return CameraJobView(
+    return await begun(
         await jobs.adjust(body.camera, body.level_m, body.level_std_m, by=caller.name)
     )
 
 
 @router.post("/cameras/{camera}/boards", status_code=202)
-async def take_board(caller: Pilot, camera: str, body: LensOrder, jobs: JobsDep) -> CameraJobView:
+async def take_board(
+    caller: Pilot, camera: str, body: LensOrder, jobs: JobsDep, begun: JobBegun
+) -> JobView:
     """Take one picture of the board that is held before a camera, in air."""
-    return CameraJobView(await jobs.take_board(camera, body.kind, by=caller.name))
+    return await begun(await jobs.take_board(camera, body.kind, by=caller.name))
 
 
 @router.get("/cameras/{camera}/boards")
@@ -76,19 +78,20 @@ async def delete_boards(
 
 @router.post("/cameras/{camera}/lens", status_code=202)
 async def calibrate_lens(
-    caller: Pilot, camera: str, body: LensOrder, jobs: JobsDep
-) -> CameraJobView:
+    caller: Pilot, camera: str, body: LensOrder, jobs: JobsDep, begun: JobBegun
+) -> JobView:
     """Calibrate a lens by the pictures of the board; the cameras are to be adjusted then."""
-    return CameraJobView(await jobs.calibrate_lens(camera, body.kind, by=caller.name))
+    return await begun(await jobs.calibrate_lens(camera, body.kind, by=caller.name))
 
 
 @router.post("/cameras/{camera}/latency", status_code=202)
-async def check_latency(
-    caller: Pilot, camera: str, jobs: JobsDep, clock: ClockDep
-) -> LatencyCheckView:
-    """Measure how late a camera's pictures come, while it looks at a page that shows the tags."""
+async def check_latency(caller: Pilot, camera: str, jobs: JobsDep, begun: JobBegun) -> JobView:
+    """Measure how late a camera's pictures come, while it looks at a page that shows the tags.
+
+    What the page is to show is told by `GET`.
+    """
     check = await jobs.check_latency(camera, by=caller.name)
-    return latency_view(check, clock.now())
+    return await begun(check.job)
 
 
 @router.get("/cameras/{camera}/latency")
@@ -134,6 +137,6 @@ async def get_rig(
 
 
 @router.post("/camera-rig/accuracy", status_code=202)
-async def measure_accuracy(caller: Pilot, jobs: JobsDep) -> CameraJobView:
+async def measure_accuracy(caller: Pilot, jobs: JobsDep, begun: JobBegun) -> JobView:
     """Find each fixed tag as if it were a robot, by cameras that were adjusted without it."""
-    return CameraJobView(await jobs.measure_accuracy(by=caller.name))
+    return await begun(await jobs.measure_accuracy(by=caller.name))

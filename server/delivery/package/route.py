@@ -21,9 +21,10 @@ from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.problem import Problem, not_found
 from server.base.view import Body, View, one_of
+from server.base.work.job_view import JobBegun, JobView, leaves
 from server.delivery.file_route import CheckView, FileView, FindingView, file_view
 from server.delivery.file_task import OWN_SUITE
-from server.delivery.package.packages import DeliveryPackages
+from server.delivery.package.packages import DeliveryPackages, PackageResult
 from server.delivery.package.task import package_path
 
 router = APIRouter(prefix="/api/deployments", tags=["data"], route_class=IdempotentRoute)
@@ -77,14 +78,6 @@ class NewPackage(Body):
     """Adds every packet of the robot, without those that carry keys."""
 
 
-@dataclass(frozen=True, slots=True)
-class PackageJobView(View):
-    """Where to ask how far the delivery is."""
-
-    id: str
-    """Id of the job; its result names the delivery, its SHA-256 and when it expires."""
-
-
 @router.get("/{deployment}/delivery")
 async def get_delivery(
     caller: Viewer,
@@ -99,10 +92,14 @@ async def get_delivery(
     return await store.query(lambda session: _view(session, deployment, job, now))
 
 
-@router.post("/{deployment}/delivery", status_code=202)
+@router.post("/{deployment}/delivery", status_code=202, openapi_extra=leaves(PackageResult))
 async def make_delivery(
-    caller: Pilot, deployment: str, packages: PackagesDep, body: NewPackage | None = None
-) -> PackageJobView:
+    caller: Pilot,
+    deployment: str,
+    packages: PackagesDep,
+    begun: JobBegun,
+    body: NewPackage | None = None,
+) -> JobView:
     """Pack all that is to be handed over of a deployment as one ZIP, a bag of BagIt 1.0.
 
     It holds NetCDF, CSV, track, log book, report, plans, settings, rules and checks. The same
@@ -110,7 +107,7 @@ async def make_delivery(
     stands. 422 names what the metadata lack. 409 while something is being written of it.
     """
     wish = body or NewPackage()
-    return PackageJobView(
+    return await begun(
         await packages.start(
             deployment,
             no_better_data=wish.no_better_data,

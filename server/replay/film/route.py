@@ -13,7 +13,8 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, View, one_of
-from server.replay.film.films import FilmFile, Films
+from server.base.work.job_view import JobBegun, JobView, leaves
+from server.replay.film.films import FilmFile, FilmResult, Films
 from server.replay.film.order import Kind
 from server.scene.replay_source import Clock
 
@@ -36,14 +37,6 @@ class NewFilm(Body):
     the same for viser's player. `pictures`: numbered PNG in a ZIP, way and depth."""
     lasts_s: Annotated[int, Field(ge=5, le=120)] = 30
     """How long the film is, ten moments a second; the stretch runs so much faster."""
-
-
-@dataclass(frozen=True, slots=True)
-class FilmJobView(View):
-    """Where to ask how far the film is."""
-
-    id: str
-    """Id of the job; its result names the film and its SHA-256."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +73,10 @@ async def list_films(caller: Viewer, robot: RobotId, films: FilmsDep) -> FilmsVi
     return FilmsView([FilmView.of(one) for one in await films.films(robot)], films.job(robot))
 
 
-@router.post("", status_code=202)
-async def make_film(caller: Pilot, robot: RobotId, body: NewFilm, films: FilmsDep) -> FilmJobView:
+@router.post("", status_code=202, openapi_extra=leaves(FilmResult))
+async def make_film(
+    caller: Pilot, robot: RobotId, body: NewFilm, films: FilmsDep, begun: JobBegun
+) -> JobView:
     """Make a film of a stretch of a robot's past; it changes nothing, and gives way to all else.
 
     422 for a stretch that has not come yet, or goes beyond its deployment. 409 while one is made.
@@ -94,7 +89,7 @@ async def make_film(caller: Pilot, robot: RobotId, body: NewFilm, films: FilmsDe
         lasts_s=body.lasts_s,
         by=caller.name,
     )
-    return FilmJobView(job)
+    return await begun(job)
 
 
 @router.get(

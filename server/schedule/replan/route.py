@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Query
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
+from server.base.work.job_view import JobBegun, JobView
 from server.schedule.replan.comparison import PlanComparison
 from server.schedule.replan.contacts import Contacts
 from server.schedule.replan.desk import SuggestionDesk
@@ -59,12 +60,11 @@ async def compare_plans(
 
 @router.post("/suggestion", status_code=202)
 async def ask_for_suggestion(
-    caller: Pilot, robot: str, suggestions: SuggestionsDep, desk: DeskDep
-) -> PlanSuggestionView:
+    caller: Pilot, robot: str, suggestions: SuggestionsDep, begun: JobBegun
+) -> JobView:
     """Begin to search for a better plan, for this surfacing if time allows, else for the next.
 
-    `job` has the progress and can be cancelled; nothing is sent. 409 says why nothing can be
+    Nothing is sent. 409 says why nothing can be
     suggested: no plan is flown, it has no aim of information, or there is no time.
     """
-    await suggestions.ask(robot, by=caller.name)
-    return await desk.view(robot)
+    return await begun(await suggestions.ask(robot, by=caller.name))

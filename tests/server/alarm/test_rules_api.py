@@ -129,7 +129,7 @@ async def test_a_rule_tried_on_the_past_fires_when_it_would_have(station, client
         "limits": [{"level": "warning", "high": 1100.0}],
         "delay_s": 30.0,
     }
-    started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}))
+    started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}), 202)
 
     fired = await fired_of(client, started)
     begins = [datetime.fromisoformat(one["begin"]) - ago for one in fired]
@@ -141,7 +141,7 @@ async def fired_of(client, started):
     """Return when a rule would have fired for the robot, once its trial is done."""
 
     async def ended():
-        job = await ok(client.get(f"/api/jobs/{started['job']}"))
+        job = await ok(client.get(f"/api/jobs/{started['id']}"))
         return job if job["state"] not in ("queued", "running") else None
 
     job = await until(ended)
@@ -170,7 +170,7 @@ async def test_a_trial_follows_modes_and_leaves_out_what_cannot_be_true(client, 
         "limits": [{"level": "warning", "high": 1100.0}, {"level": "critical", "high": 9000.0}],
         "modes": ["gliding"],
     }
-    started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}))
+    started = await ok(client.post(f"{RULES}/try", json={"rule": rule, "days": 7}), 202)
     fired = await fired_of(client, started)
     assert {one["level"] for one in fired} == {"warning"}
     spans = [

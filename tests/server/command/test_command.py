@@ -170,7 +170,7 @@ async def send_dive(client):
     made = await client.post("/api/robots/mini-1/plans", json={"kind": "primitives", "legs": legs})
     plan = made.json()["id"]
     sent = await client.post(f"/api/plans/{plan}/upload", json={"start": True})
-    return plan, sent.json()["transfer"]
+    return plan, sent.json()["id"]
 
 
 async def test_surface_withdraws_an_upload_and_keeps_the_draft(client, world):

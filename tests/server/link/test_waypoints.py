@@ -70,7 +70,7 @@ async def ended(client, answer):
     assert answer.status_code == 202, answer.text
 
     async def over():
-        job = (await client.get(f"/api/jobs/{answer.json()['job']}")).json()
+        job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
         return job if job["state"] not in ("running", "waiting") else None
 
     return await until(over)
@@ -135,7 +135,7 @@ async def test_a_cancelled_upload_is_not_known_until_the_mission_is_read(tmp_pat
 
         monkeypatch.setattr(Radios, "upload_waypoints", goes_on)
         begun = await client.put(path, json={"waypoints": MISSION})
-        job = f"/api/jobs/{begun.json()['job']}"
+        job = f"/api/jobs/{begun.json()['id']}"
 
         async def has_all():
             return (await client.get(job)).json()["progress"] >= 0.9

@@ -73,7 +73,7 @@ async def compared(client, path=PATH):
     assert started.status_code == 202, started.text
 
     async def ready():
-        job = (await client.get(f"/api/jobs/{started.json()['job']}")).json()
+        job = (await client.get(f"/api/jobs/{started.json()['id']}")).json()
         return job if job["state"] not in {"queued", "running"} else None
 
     job = await until(ready)
@@ -213,7 +213,7 @@ async def test_comparison_outlives_a_restart_and_says_when_it_is_outdated(
 async def test_two_who_compare_at_once_get_the_same_job(client, station, world, in_threads):
     await sampled(station, world)
     answers = await asyncio.gather(*(client.post(f"{PATH}/comparison") for _ in range(3)))
-    assert len({answer.json()["job"] for answer in answers}) == 1
+    assert len({answer.json()["id"] for answer in answers}) == 1
     assert len(station.foundation.jobs.running) == 1
 
 
@@ -233,8 +233,8 @@ async def test_comparison_that_is_cancelled_leaves_the_one_before(
         return run(asked, report, is_cancelled)
 
     monkeypatch.setattr(compare_maps, "run", slow)
-    job = (await client.post(f"{PATH}/comparison")).json()["job"]
-    assert (await client.post(f"{PATH}/comparison")).json()["job"] == job
+    job = (await client.post(f"{PATH}/comparison")).json()["id"]
+    assert (await client.post(f"{PATH}/comparison")).json()["id"] == job
     await began.wait()
     working = (await client.get(f"{PATH}/comparison")).json()
     assert (working["state"], working["job"]) == ("working", job)

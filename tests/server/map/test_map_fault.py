@@ -32,7 +32,7 @@ async def grown(client, count, model=None):
 
 
 async def outcome(client, station, of):
-    job = (await client.post(f"{PATH}/{of}")).json()["job"]
+    job = (await client.post(f"{PATH}/{of}")).json()["id"]
 
     async def ended():
         found = await station.foundation.jobs.get(job)

@@ -75,7 +75,7 @@ async def test_what_is_learned_becomes_a_version_and_the_map_is_made_anew(
     before = station.maps.group(MINI).config
     answer = await client.post(f"{PATH}/learning")
     assert answer.status_code == 202
-    job = await ended(station, answer.json()["job"])
+    job = await ended(station, answer.json()["id"])
     assert job.state == "done", job.message
     assert job.result["is_changed"]
     assert job.result["after_nll"] < job.result["before_nll"]
@@ -97,7 +97,7 @@ async def test_robots_that_share_a_map_learn_together(client, station, world, in
     await station.refresh(OTHER)
     tell_samples(world, 40)
     await mapped(station, 40, OTHER)
-    job = (await client.post(f"{PATH}/learning")).json()["job"]
+    job = (await client.post(f"{PATH}/learning")).json()["id"]
     assert (await ended(station, job)).state == "done"
     mine, others = await versions(station), await versions(station, OTHER)
     assert mine[0].value == others[0].value
@@ -121,7 +121,7 @@ async def test_settings_that_were_changed_meanwhile_are_not_overwritten(
         return run(problem, report, is_cancelled)
 
     monkeypatch.setattr(learn_field, "run", slow)
-    job = (await client.post(f"{PATH}/learning")).json()["job"]
+    job = (await client.post(f"{PATH}/learning")).json()["id"]
     await began.wait()
     await client.patch("/api/config/field?robot=mini-1", json={"prior_mean": 4.0})
     go_on.append(True)

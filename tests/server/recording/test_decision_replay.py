@@ -107,7 +107,7 @@ async def test_what_is_learned_and_compared_of_a_map_is_found_the_same_once_more
     await mapped(station, 30)
     for work in ("comparison", "learning"):
         answer = await client.post(f"/api/robots/mini-1/maps/blue_light/{work}")
-        assert (await ended(station, answer.json()["job"])).state == "done"
+        assert (await ended(station, answer.json()["id"])).state == "done"
     answer = await client.post("/api/robots/mini-1/decisions/replay")
     assert answer.status_code == 202, answer.text
     job = await ended(station, answer.json()["id"])

@@ -73,7 +73,7 @@ async def scheduled(client, clock, condition=None, **body):
     plan = await draft(client)
     await plan_in(client, plan, "draft")
     answer = await later(client, clock, plan, condition, **body)
-    assert answer.status_code == 202, answer.text
+    assert answer.status_code == 201, answer.text
     return plan, answer.json()
 
 
@@ -171,7 +171,7 @@ async def test_sequence_goes_on_when_the_plan_before_is_done(client, world, cloc
     first = await draft(client)
     second = await draft(client)
     answer = await later(client, clock, second, {"kind": "after", "plan": first}, confirmed=True)
-    assert answer.status_code == 202, answer.text
+    assert answer.status_code == 201, answer.text
     world.robots[MINI].may_end.clear()
     await upload(client, first, start=True)
     await plan_in(client, first, "running")

@@ -375,10 +375,11 @@ async def test_search_is_a_job_that_can_be_cancelled(client, world, workers):
     plan = await at_a_surfacing(client, world)
     workers.may_suggest.clear()
     begun = (await ask(client)).json()
-    assert begun["state"] == "searching"
-    assert (await ask(client)).json()["job"] == begun["job"], "one search a robot"
+    assert (begun["kind"], begun["state"]) == ("suggestion", "running")
+    assert (await client.get(f"/api/robots/{MINI}/suggestion")).json()["state"] == "searching"
+    assert (await ask(client)).json()["id"] == begun["id"], "one search a robot"
     await until(lambda: workers.asked)
-    await client.delete(f"/api/jobs/{begun['job']}")
+    await client.delete(f"/api/jobs/{begun['id']}")
     found = await suggested(client, "failed")
     assert "cancelled" in found["text"]
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "running"

@@ -104,7 +104,12 @@ async def start(client, body, config=QUICK):
     path = "/api/robots/mini-1/identifications"
     answer = await client.post(path, json={**body, "config": config})
     assert answer.status_code == 202, answer.text
-    return answer.json()
+    return named(answer)
+
+
+def named(answer):
+    """Return the ids of a search that was begun and of its job."""
+    return {"id": answer.json()["about"], "job": answer.json()["id"]}
 
 
 async def get(client, begun):
@@ -180,7 +185,7 @@ async def test_a_search_that_was_called_off_goes_on_to_the_same_result(client, s
     assert answer.json()["state"] == "cancelled"
     resumed = await client.post(f"/api/identifications/{begun['id']}/resume")
     assert resumed.status_code == 202
-    assert resumed.json()["job"] != begun["job"]
+    assert resumed.json()["id"] != begun["job"]
     found = await ended(client, begun)
     assert found["state"] == "done"
     assert found["result"] == straight["result"]
@@ -291,7 +296,7 @@ async def test_an_imported_flight_can_be_identified(client, recording):
     await until(lambda: _known(client, "other"))
     await client.patch("/api/robots/other", json={"model": "miniglider"})
     body = {"deployment": "deployment-3", "config": QUICK}
-    begun = (await client.post("/api/robots/other/identifications", json=body)).json()
+    begun = named(await client.post("/api/robots/other/identifications", json=body))
     found = await ended(client, begun)
     assert found["state"] == "done", found["message"]
     drag = next(one for one in found["result"]["parameters"] if one["name"] == "drag_0")
@@ -349,7 +354,7 @@ async def test_positions_by_cameras_take_the_place_of_dead_reckoning(client, sta
     assert found.position_std_m[:139] == pytest.approx(np.full(139, 0.002))
     begun = await client.post(path, json=asked)
     assert begun.status_code == 202, begun.text
-    await ended(client, begun.json())
+    await ended(client, named(begun))
 
 
 def camera_fix(at, place):

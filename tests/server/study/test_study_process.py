@@ -66,5 +66,5 @@ async def test_a_search_goes_on_after_a_restart_of_the_station(tmp_path, world):
             return now["state"] == "running" and now["progress"] > before["progress"]
 
         await until(further)
-        await pilot.delete(f"/api/jobs/{resumed['job']}")
+        await pilot.delete(f"/api/jobs/{resumed['id']}")
         assert (await identification.get(pilot, begun))["state"] == "cancelled"

@@ -41,7 +41,7 @@ def recording():
 async def advised(client, body=None):
     answer = await client.post("/api/robots/mini-1/trim/advice", json=body or {})
     assert answer.status_code == 202, answer.text
-    job = answer.json()["job"]
+    job = answer.json()["id"]
 
     async def has_ended():
         found = (await client.get(f"/api/jobs/{job}")).json()

@@ -30,7 +30,7 @@ async def start(client, scenario=SHORT, controllers=TWO, robot=MINI):
     body = {"scenario": scenario, "controllers": controllers}
     answer = await client.post(f"/api/robots/{robot}/whatif", json=body)
     assert answer.status_code == 202, answer.text
-    return answer.json()
+    return {"id": answer.json()["about"], "job": answer.json()["id"]}
 
 
 async def ended(client, begun):
@@ -150,7 +150,8 @@ async def test_a_repeated_request_begins_one_run(client):
     assert answers[0].json() == answers[1].json()
     listed = (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"]
     assert len(listed) == 1
-    await ended(client, answers[0].json())
+    begun = answers[0].json()
+    await ended(client, {"id": begun["about"], "job": begun["id"]})
 
 
 async def test_runs_are_listed_the_newest_first(client):

@@ -129,7 +129,7 @@ async def test_two_plans_of_the_same_settings_have_different_names(client):
 async def test_it_goes_the_road_of_every_plan_to_its_end(client, world):
     world.robots[MINI].may_end.clear()
     plan = (await draft(client))["id"]
-    transfer = (await upload(client, plan, start=True)).json()["transfer"]
+    transfer = (await upload(client, plan, start=True)).json()["id"]
     running = await plan_in(client, plan, "running")
     assert world.uploads == [(MINI, running["sha256"])]
     assert world.robots[MINI].plan.tracking.config() == TrackingConfig(**running["tracking"])

@@ -60,7 +60,7 @@ async def test_plan_is_not_sent_before_the_radio_took_a_byte(client, world):
     world.radio_takes = False
     world.may_upload.clear()
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await until(lambda: world.uploads)
     await asyncio.sleep(0.1)
     assert (await client.get(f"/api/transfers/{transfer}")).json()["state"] == "waiting"
@@ -76,7 +76,7 @@ async def test_transfer_counts_the_items_that_the_wire_counts(client, world):
     world.may_upload.clear()
     circle = {"kind": "spiral", "end_ned": [0, 0, 0], "radius_m": 0.4, "turn_rad": 1.0}
     body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}, circle]}
-    transfer = (await upload(client, await draft(client, body))).json()["transfer"]
+    transfer = (await upload(client, await draft(client, body))).json()["id"]
     found = (await client.get(f"/api/transfers/{transfer}")).json()
     assert found["items"] == 10, "settings, trim, five of tuning, two legs, one circle"
 
@@ -84,7 +84,7 @@ async def test_transfer_counts_the_items_that_the_wire_counts(client, world):
 async def test_upload_that_meets_failing_storage_ends_once_storage_works(client, world, tmp_path):
     world.may_upload.clear()
     plan = await draft(client)
-    transfer = (await upload(client, plan, start=True)).json()["transfer"]
+    transfer = (await upload(client, plan, start=True)).json()["id"]
     await plan_in(client, plan, "sent")
     with locked(tmp_path):
         world.may_upload.set()
@@ -100,7 +100,7 @@ async def test_failed_upload_is_closed_once_storage_works(client, world, tmp_pat
     world.refuse_upload = OnboardPlanState.REFUSED
     world.may_upload.clear()
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await plan_in(client, plan, "sent")
     with locked(tmp_path):
         world.may_upload.set()
@@ -113,7 +113,7 @@ async def test_failed_upload_is_closed_once_storage_works(client, world, tmp_pat
 async def test_surface_order_ends_an_upload_that_waits_for_storage(client, world, tmp_path):
     world.may_upload.clear()
     plan = await draft(client)
-    transfer = (await upload(client, plan, start=True)).json()["transfer"]
+    transfer = (await upload(client, plan, start=True)).json()["id"]
     await plan_in(client, plan, "sent")
     with locked(tmp_path):
         world.may_upload.set()
@@ -149,7 +149,7 @@ async def test_draft_that_storage_did_not_take_is_closed_once_it_works(
 async def test_plan_that_becomes_a_draft_again_leaves_an_event(client, world, station):
     world.refuse_upload = OnboardPlanState.REFUSED
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await transfer_in(client, transfer, "failed")
     again = "plan-1 is a draft again. Not confirmed on board: mini-1 refused plan-1"
     found = [text for kind, text in await texts(station) if kind == "plan.draft"]

@@ -57,7 +57,7 @@ async def test_draft_has_legs_account_and_the_hash_that_the_robot_will_echo(clie
 async def test_plan_is_on_board_only_after_the_robot_echoed_its_hash(client, world):
     world.may_upload.clear()
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await plan_in(client, plan, "sent")
     assert (await client.get(f"/api/transfers/{transfer}")).json()["state"] == "sending"
     world.may_upload.set()
@@ -87,7 +87,7 @@ async def test_same_upload_asked_for_twice_is_one_transfer(client, world):
     world.may_upload.clear()
     plan = await draft(client)
     first, second = await asyncio.gather(upload(client, plan), upload(client, plan))
-    assert first.json() == second.json() == {"transfer": "transfer-1"}
+    assert first.json() == second.json() == {"id": "transfer-1"}
     await until(lambda: world.uploads)
     assert (await upload(client, plan, start=True)).status_code == 409
     assert len(world.uploads) == 1
@@ -109,7 +109,7 @@ async def test_draft_that_breaks_a_limit_is_refused_with_each_violation(client, 
 async def test_failed_upload_keeps_the_draft_and_says_why(client, world, station):
     world.refuse_upload = OnboardPlanState.REFUSED
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     failed = await transfer_in(client, transfer, "failed")
     assert "the robot did not answer" in failed["reason"]
     found = await plan_in(client, plan, "draft")
@@ -122,7 +122,7 @@ async def test_failed_upload_keeps_the_draft_and_says_why(client, world, station
 async def test_plan_whose_echo_was_lost_is_found_on_board_later(client, world):
     world.refuse_upload = OnboardPlanState.REFUSED
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await transfer_in(client, transfer, "failed")
     robot = world.robots[MINI]
     world.refuse_upload = None
@@ -168,7 +168,7 @@ async def test_cancelling_throws_a_draft_away_but_not_a_plan_on_board(client):
 async def test_transfer_waits_for_a_robot_under_water(client, world):
     world.hear(MINI, LinkState.SUBMERGED)
     plan = await draft(client)
-    transfer = (await upload(client, plan)).json()["transfer"]
+    transfer = (await upload(client, plan)).json()["id"]
     await asyncio.sleep(0.4)
     assert (await client.get(f"/api/transfers/{transfer}")).json()["state"] == "waiting"
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"

@@ -28,7 +28,7 @@ async def flown(client, world, robot=MINI) -> str:
 async def sent_behind(client, *, start=False, body=SHALLOW) -> tuple[str, str]:
     """Send another plan; return it and its transfer once the robot keeps it."""
     plan = await draft(client, body)
-    transfer = (await upload(client, plan, start=start)).json()["transfer"]
+    transfer = (await upload(client, plan, start=start)).json()["id"]
     await plan_in(client, plan, "waiting")
 
     async def over():

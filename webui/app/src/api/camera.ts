@@ -47,17 +47,17 @@ export class CameraApi {
 
   boards = (camera: string) => told(this.#http.GET('/api/cameras/{camera}/boards', of({ camera })));
   takeBoard = (camera: string, kind: LensKind) =>
-    job(this.#http.POST('/api/cameras/{camera}/boards', { ...of({ camera }), body: { kind } }));
+    told(this.#http.POST('/api/cameras/{camera}/boards', { ...of({ camera }), body: { kind } }));
   /** Forget one picture of the board, or all. */
   forgetBoards = (camera: string, number: number | null = null) =>
     told(this.#http.DELETE('/api/cameras/{camera}/boards', of({ camera }, { number: number })));
   calibrateLens = (camera: string, kind: LensKind) =>
-    job(this.#http.POST('/api/cameras/{camera}/lens', { ...of({ camera }), body: { kind } }));
+    told(this.#http.POST('/api/cameras/{camera}/lens', { ...of({ camera }), body: { kind } }));
 
   /** The cameras that robots are found by, and the water that they look into. */
   rig = () => told(this.#http.GET('/api/camera-rig'));
-  adjust = (body: Schemas['AdjustOrder']) => job(this.#http.POST('/api/cameras/adjust', { body }));
-  measureAccuracy = () => job(this.#http.POST('/api/camera-rig/accuracy'));
+  adjust = (body: Schemas['AdjustOrder']) => told(this.#http.POST('/api/cameras/adjust', { body }));
+  measureAccuracy = () => told(this.#http.POST('/api/camera-rig/accuracy'));
 
   /** What the page that a camera looks at is to show. */
   latencyCheck = (camera: string) =>
@@ -84,8 +84,4 @@ export class CameraApi {
     const params = { header: etag ? { 'if-match': etag } : {} };
     return versioned(await this.#http.PUT('/api/tags', { params, body }));
   }
-}
-
-async function job(answer: Promise<{ data?: { id: string } }>): Promise<{ job: string }> {
-  return { job: (await told(answer)).id };
 }

@@ -12,7 +12,7 @@ export class RecordingApi {
     this.#http = http;
   }
 
-  upload(files: readonly File[]): Promise<Schemas['UploadView']> {
+  upload(files: readonly File[]): Promise<Schemas['JobView']> {
     const form = new FormData();
     for (const file of files) form.append('files', file);
     const body = { files: files.map((file) => file.name) };

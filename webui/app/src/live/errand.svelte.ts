@@ -30,12 +30,12 @@ export class Errand {
   readonly job = $derived.by(() => this.#watch.job);
   readonly isRunning = $derived.by(() => this.#isBeginning || this.#watch.isRunning);
 
-  async begin(ask: () => Promise<{ job: string }>, subject: string | null = null): Promise<void> {
+  async begin(ask: () => Promise<{ id: string }>, subject: string | null = null): Promise<void> {
     if (this.isRunning) return;
     this.#clear(subject);
     this.#isBeginning = true;
     try {
-      this.#watch.follow((await ask()).job);
+      this.#watch.follow((await ask()).id);
     } catch (error) {
       this.#refused = sentence(error);
     } finally {

@@ -190,14 +190,14 @@ describe('an errand', () => {
 
   test('that is done tells what came of it', async () => {
     const errand = new Errand(station('done', 'Asking.'), () => 'All were told.');
-    await errand.begin(() => Promise.resolve({ job: 'job-1' }));
+    await errand.begin(() => Promise.resolve({ id: 'job-1' }));
     await vi.waitFor(() => expect(errand.outcome).toBe('All were told.'));
     expect(errand.hasFailed).toBe(false);
   });
 
   test('that failed tells why', async () => {
     const errand = new Errand(station('failed', 'The robot fell silent.'), () => 'Never.');
-    await errand.begin(() => Promise.resolve({ job: 'job-1' }));
+    await errand.begin(() => Promise.resolve({ id: 'job-1' }));
     await vi.waitFor(() => expect(errand.outcome).toBe('The robot fell silent.'));
     expect(errand.hasFailed).toBe(true);
   });

@@ -56,8 +56,8 @@ export class ComparisonWatch {
   async run(): Promise<void> {
     this.#refused = '';
     try {
-      const { job } = await this.#station.api.compareModels(this.#robot, this.#variable);
-      this.job.follow(job);
+      const { id } = await this.#station.api.compareModels(this.#robot, this.#variable);
+      this.job.follow(id);
     } catch (error) {
       this.#refused = sentence(error);
     }

@@ -1,0 +1,1 @@
+"""Writes ``grace_client.generated`` of the station's OpenAPI document."""
