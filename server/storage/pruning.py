@@ -145,6 +145,16 @@ class Pruner:
             self._prune(kind, rule, again, place / len(due), 1.0 / len(due))
         return self.result
 
+    @property
+    def longest_s(self) -> float:
+        """The longest transaction so far."""
+        return self._pace.longest_s
+
+    @property
+    def transactions(self) -> int:
+        """How many there were so far."""
+        return self._pace.transactions
+
     def _prune(self, kind: Prunable, rule: Rule, again: bool, begun: float, share: float) -> None:
         with self._store.read() as session:
             robots = parts(session, kind)
