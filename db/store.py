@@ -30,6 +30,7 @@ from db.writer import (
     FaultListener,
     Kept,
     Listeners,
+    TransactionListener,
     Writer,
 )
 
@@ -117,6 +118,15 @@ class Store:
     def bridge_fault(self) -> str | None:
         """Why rows that wait are in memory and not in the bridge journal, if they are."""
         return self._writer.bridge_fault
+
+    @property
+    def waiting_changes(self) -> int:
+        """Changes and batches that the writer has not taken up yet."""
+        return self._writer.waiting_changes
+
+    def watch_transactions(self, listener: TransactionListener) -> None:
+        """Have ``listener`` told on the writer's thread what each commit took; one may be."""
+        self._writer.on_transaction = listener
 
     def add_fault_listener(self, listener: FaultListener) -> None:
         """Call ``listener`` on the writer's thread with each change of ``fault``."""

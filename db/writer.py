@@ -26,6 +26,8 @@ Append = Callable[[Session, Sequence[Any]], None]
 FaultListener = Callable[[str | None], None]
 ChangeListener = Callable[[Sequence[object]], object]
 BridgedListener = Callable[[Sequence[Any]], object]
+TransactionListener = Callable[[str, int, float], object]
+"""Told of a commit: ``change`` or ``rows``, how many rows of telemetry, and how long it took, s."""
 
 BATCH_PERIOD_S = 0.05
 BATCH_ROWS_MAX = 5_000
@@ -109,6 +111,8 @@ class Writer:
         self.fault: str | None = None
         self.bridge_fault: str | None = None
         self.commits = 0
+        self.on_transaction: TransactionListener | None = None
+        """Called on the writer's thread."""
         self._thread = threading.Thread(target=self._run, name="db-writer", daemon=True)
         self._thread.start()
 
@@ -146,6 +150,11 @@ class Writer:
     def bridged_rows(self) -> int:
         """Rows of these that are in the bridge journal."""
         return 0 if self._bridge is None else self._bridge.waiting_rows
+
+    @property
+    def waiting_changes(self) -> int:
+        """Changes and batches of rows that the thread has not taken up yet."""
+        return self._inbox.qsize()
 
     def close(self, timeout_s: float) -> None:
         """Write what is queued, then end the thread; rows that cannot be kept fail."""
@@ -221,6 +230,7 @@ class Writer:
 
     def _write_pending(self) -> None:
         items, batch = self._next_batch()
+        begun_s = time.monotonic()
         try:
             self._commit(lambda session: self._keep(session, batch))
         except StoreUnavailableError:
@@ -230,7 +240,12 @@ class Writer:
             logger.exception("a batch of %d appends failed; trying them one by one", len(items))
             self._append_singly(items)
         else:
+            self._note("rows", len(batch.rows), begun_s)
             self._settle(items, Kept.DATABASE)
+
+    def _note(self, kind: str, rows: int, begun_s: float) -> None:
+        if self.on_transaction is not None:
+            self.on_transaction(kind, rows, time.monotonic() - begun_s)
 
     def _next_batch(self) -> tuple[list[_Rows], Batch]:
         """Return what is to be kept next: the same again until it is known to be kept."""
@@ -348,11 +363,13 @@ class Writer:
     def _change(self, item: _Change) -> None:
         if not item.future.set_running_or_notify_cancel():
             return
+        begun_s = time.monotonic()
         try:
             result, events = self._commit(item.function, item.actor, item.claim)
         except BaseException as error:  # noqa: BLE001 - the error belongs to whoever asked
             item.future.set_exception(error)
         else:
+            self._note("change", 0, begun_s)
             self._tell(events)
             item.future.set_result(result)
 

@@ -11,6 +11,7 @@ from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
 from server.document import DocumentedApp
 from server.station import ROUTERS, MakeService, Station, run_station
+from server.watch.request import RequestWatch
 from webui.static import mount_app
 
 
@@ -45,6 +46,7 @@ def create_app(settings: Settings, make_service: MakeService = Station) -> FastA
     )
     install_problem_handlers(app)
     app.add_middleware(RequestGuard)
+    app.add_middleware(RequestWatch)
     for router in ROUTERS:
         app.include_router(router)
     mount_app(app)

@@ -48,10 +48,12 @@ from server.tag import install as tag
 from server.target import install as target
 from server.transfer import install as transfer
 from server.vehicle import install as vehicle
+from server.watch import install as watch
 from server.water import install as water
 
 CAPABILITIES = (
     access,
+    watch,
     system,
     backup,
     demo,
@@ -162,6 +164,7 @@ async def run_station(
     async with AsyncExitStack() as stack:
         foundation = await open_foundation(settings, stack)
         access.install(foundation)
+        watch.install(foundation)
         first_code = await foundation.services.get(Access).prepare()
         station = make_service(foundation)
         stack.push_async_callback(station.stop)

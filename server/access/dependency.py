@@ -36,10 +36,20 @@ def get_access(foundation: FoundationDep) -> Access:
 AccessDep = Annotated[Access, Depends(get_access)]
 SignInWatchDep = Annotated[SignInWatch, Depends(service(SignInWatch))]
 TicketsDep = Annotated[Tickets, Depends(service(Tickets))]
+_THIS_MACHINE: Final = frozenset({"127.0.0.1", "::1"})
 GuardDep = Annotated[Guard, Depends(get_guard)]
 
 
 async def _viewer(request: Request, guard: GuardDep) -> Caller:
+    return await guard.caller(request, Right.VIEW)
+
+
+async def _viewer_or_this_machine(
+    request: Request, guard: GuardDep, foundation: FoundationDep
+) -> Caller | None:
+    host = None if request.client is None else request.client.host
+    if host in _THIS_MACHINE and foundation.settings.metrics_on_loopback:
+        return None
     return await guard.caller(request, Right.VIEW)
 
 
@@ -74,6 +84,8 @@ async def _websocket_pilot(websocket: WebSocket, guard: GuardDep) -> Caller:
 
 Viewer = Annotated[Caller, Depends(_viewer)]
 """Who asks; may look."""
+ViewerOrThisMachine = Annotated[Caller | None, Depends(_viewer_or_this_machine)]
+"""Who asks; may look. ``None`` for somebody on this machine, where a setting lets them."""
 Pilot = Annotated[Caller, Depends(_pilot)]
 """Who asks; may draft, plan, check, comment and acknowledge, whoever is in charge."""
 PilotInCharge = Annotated[Caller, Depends(_pilot_in_charge)]
@@ -135,6 +147,7 @@ def _tell_taken(request: Request, response: Response) -> None:
 _RIGHTS: Mapping[object, Right] = MappingProxyType(
     {
         _viewer: Right.VIEW,
+        _viewer_or_this_machine: Right.VIEW,
         _pilot: Right.PILOT,
         _pilot_in_charge: Right.PILOT,
         _pilot_at_once: Right.PILOT,

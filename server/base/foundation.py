@@ -21,6 +21,7 @@ from server.base.event_log import EventLog
 from server.base.job import JobBoard
 from server.base.lifetime import Background, Lifetime
 from server.base.live_feed import LiveFeed
+from server.base.metric.metrics import Metrics
 from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.base.work.changes import Changes
@@ -90,6 +91,8 @@ class Foundation:
     """Processes that give way to all others."""
     decisions: Decisions
     """What is decided in either, and can be decided once more."""
+    metrics: Metrics
+    """Where each capability says how it is, in figures."""
     services: Services
     """What the capabilities have installed."""
     lifetime: Lifetime
@@ -157,6 +160,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         workers=workers,
         study_workers=study_workers,
         decisions=Decisions(store, clock, background),
+        metrics=Metrics(),
         services=Services(),
         lifetime=lifetime,
     )

@@ -146,7 +146,8 @@ class LiveFeed:
         self._hurry = asyncio.Event()
         self._revisions = itertools.count(time.time_ns() // 1000)  # never one of an earlier run
         self._closed = False
-        self._followers = 0
+        self.followers = 0
+        """Clients that follow now."""
         self._batches: dict[_Place, str] = {}
         self._news_of: dict[_Place, bool] = {}
 
@@ -200,7 +201,7 @@ class LiveFeed:
     @property
     def tick_s(self) -> float:
         """Time between two batches now, but for what a person waits for."""
-        return min(TICK_S * max(1.0, self._followers / AT_FULL_RATE), SLOWEST_S)
+        return min(TICK_S * max(1.0, self.followers / AT_FULL_RATE), SLOWEST_S)
 
     async def follow(
         self,
@@ -218,11 +219,11 @@ class LiveFeed:
                 now on.
             audience: What the client may be told.
         """
-        self._followers += 1
+        self.followers += 1
         try:
             await self._follow(send, robots, after, audience)
         finally:
-            self._followers -= 1
+            self.followers -= 1
 
     async def _follow(
         self, send: Send, robots: frozenset[str] | None, after: int | None, audience: Audience

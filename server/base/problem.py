@@ -14,6 +14,9 @@ from starlette.exceptions import HTTPException
 from db.fault import StoreClosedError, StoreUnavailableError, UnknownIdError
 
 MEDIA_TYPE = "application/problem+json"
+REQUEST_ID_HEADER = "X-Request-ID"
+REQUEST_ID = "request_id"
+"""Where the id of a request stands in its state."""
 ERROR_FAMILIES = ("4XX", "5XX")
 """Statuses under which the document tells what every error looks like."""
 _UNKNOWN = "extra_forbidden"
@@ -196,8 +199,12 @@ async def _on_store_unavailable(
 async def _on_failure(request: Request, error: Exception) -> Response:
     route = request.scope.get("route")
     path = getattr(route, "path", request.url.path)  # without what a secret path would tell
-    logger.error("%s %s failed", request.method, path, exc_info=error)
-    return problem_response(500, "The station failed at this; its log says why.")
+    # This answer leaves outside of every middleware.
+    request_id: str = getattr(request.state, REQUEST_ID, "")
+    known = {"request_id": request_id}
+    logger.error("%s %s failed", request.method, path, exc_info=error, extra=known)
+    detail = "The station failed at this; its log says why."
+    return problem_response(500, detail, headers={REQUEST_ID_HEADER: request_id})
 
 
 def _field_errors(details: Sequence[Any]) -> list[FieldError]:

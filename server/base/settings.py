@@ -85,6 +85,16 @@ class Settings(BaseSettings):
     """How many requests of a token may come at once, before the rate counts."""
     token_jobs: int = Field(default=20, ge=1, le=1000)
     """How many jobs of a token may be under way at once."""
+    clock_sync_expected: bool = True
+    """Whether a clock that nothing keeps right is an alarm; not on a machine without a network."""
+    log_format: Literal["text", "json"] = "text"
+    """How lines look on the terminal; those of ``log/station.jsonl`` are JSON in any case."""
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    """From which level on something is logged."""
+    log_limit_mb: float = Field(default=100.0, ge=1.0, le=100_000.0)
+    """How large all files of ``log/station.jsonl`` become together; the oldest is dropped."""
+    metrics_on_loopback: bool = False
+    """Whoever asks from this machine reads ``/metrics`` without a token; not behind a proxy."""
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
 
@@ -113,6 +123,15 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"{self.host} can be reached from other machines: give tls_certificate and "
                 "tls_key, or behind_proxy when a proxy speaks TLS, or listen on 127.0.0.1"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _knows_who_asks_for_metrics(self) -> Self:
+        if self.metrics_on_loopback and self.behind_proxy:
+            raise ValueError(
+                "metrics_on_loopback does not go with behind_proxy: everybody comes from this "
+                "machine then; give Prometheus a token"
             )
         return self
 

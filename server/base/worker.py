@@ -10,7 +10,9 @@ import logging
 import os
 import pickle
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from autonomy.chart import CHARTS, FOLDERS_VARIABLE
@@ -141,6 +143,16 @@ def _pipe(end: T | None) -> T:
     return end
 
 
+@dataclass(frozen=True, slots=True)
+class PoolLoad:
+    """What a pool of workers has to do."""
+
+    busy: int
+    idle: int
+    queued: int
+    """Tasks that wait for a process."""
+
+
 class WorkerPool:
     """Runs tasks in up to ``size`` processes and keeps them warm in between.
 
@@ -154,6 +166,7 @@ class WorkerPool:
         self._places = asyncio.Semaphore(size)
         self._idle: list[_Process] = []
         self._busy: set[_Process] = set()
+        self._queued = 0
         self._grace_s = CANCEL_GRACE_S
 
     async def run(
@@ -179,7 +192,7 @@ class WorkerPool:
             WorkerSpentError: It was told to stop since it had used ``processor_limit_s``.
             WorkerEndedError: The process died.
         """
-        async with self._places:
+        async with self._place():
             # A long recording takes its time to be packed, and the event loop is needed meanwhile.
             call = await asyncio.to_thread(
                 wire.frame, (wire.CALL, task, payload, processor_limit_s)
@@ -197,6 +210,10 @@ class WorkerPool:
                 self._busy.discard(worker)
                 await self._release(worker)
 
+    def load(self) -> PoolLoad:
+        """Return what the pool has to do."""
+        return PoolLoad(len(self._busy), len(self._idle), self._queued)
+
     def hurry(self) -> None:
         """From now on, end the process of a cancelled task at once: the station is stopping."""
         self._grace_s = 0.0
@@ -210,6 +227,19 @@ class WorkerPool:
     def process_ids(self) -> tuple[int, ...]:
         """Return the ids of the processes that exist now."""
         return tuple(worker.process.pid for worker in (*self._idle, *self._busy))
+
+    @asynccontextmanager
+    async def _place(self) -> AsyncGenerator[None]:
+        """Wait for room for one more task."""
+        self._queued += 1
+        try:
+            await self._places.acquire()
+        finally:
+            self._queued -= 1
+        try:
+            yield
+        finally:
+            self._places.release()
 
     async def _acquire(self) -> _Process:
         while self._idle:

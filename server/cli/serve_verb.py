@@ -19,13 +19,15 @@ from server.app import create_app
 from server.base.foundation import Foundation
 from server.base.settings import Settings
 from server.cli.data import settings_of
-from server.cli.data_folder import DataFolderError, hold_data_folder
-from server.cli.failure import CommandError, log_to_console
+from server.cli.data_folder import LOG_FOLDER, DataFolderError, hold_data_folder
+from server.cli.failure import CommandError
 from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
 from server.cli.option import add_data_option
 from server.cli.service.manager import ServiceManager, keep_alive
 from server.system.certificate import CertificateError, ServedCertificate
 from server.system.database_wait import WaitingPage, wait_for_database
+from server.watch.log import log_to_console, logged_to_files
+from server.watch.memory import return_freed_memory
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128
@@ -67,6 +69,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="PORT",
         help="loopback port of a simulator with the same option, whose robots may be given faults",
     )
+    parser.add_argument(
+        "--log-format", choices=("text", "json"), help="lines on the terminal (default: text)"
+    )
+    parser.add_argument(
+        "--log-level",
+        choices=("debug", "info", "warning", "error"),
+        help="from which level on something is logged (default: info)",
+    )
     parser.add_argument("--listen-fd", type=int, help=SUPPRESS)
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
@@ -85,15 +95,23 @@ def run(arguments: Namespace) -> int:
         simulation=arguments.simulation,
         clock_file=arguments.clock_file,
         demo_port=arguments.demo_port,
+        log_format=arguments.log_format,
+        log_level=arguments.log_level,
     )
     if arguments.parent_pid is not None:
         _end_with_parent(arguments.parent_pid)
-    log_to_console()
+    return_freed_memory()
+    log_to_console(settings.log_format, settings.log_level)
     manager = ServiceManager()
     inherited = manager.listener if arguments.listen_fd is None else arguments.listen_fd
     _keep_machine_code(settings.data_dir)
+    log_bytes = round(settings.log_limit_mb * 1e6)
     try:
-        with hold_data_folder(settings.data_dir), _listener(settings, inherited) as at:
+        with (
+            hold_data_folder(settings.data_dir),
+            logged_to_files(settings.data_dir / LOG_FOLDER, log_bytes),
+            _listener(settings, inherited) as at,
+        ):
             asyncio.run(_serve(settings, at, manager))
     except (DataFolderError, NewerSchemaError, StoreError, CertificateError, OSError) as error:
         raise CommandError(str(error)) from error

@@ -17,8 +17,9 @@ from server.base.secret import SecretStore
 from server.base.settings import LINK_FOLDER
 from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, make_data_folder
-from server.cli.failure import CommandError, log_to_console
+from server.cli.failure import CommandError
 from server.cli.option import add_data_option
+from server.watch.log import log_to_console
 
 if TYPE_CHECKING:
     from simulator.fault_desk import FaultNews

@@ -21,16 +21,19 @@ from server.link.event import (
     TelemetryBridged,
     ValuesStored,
 )
+from server.link.figures import IntakeFigures
 from server.link.ingest import Ingest
 from server.link.moments import Moments
 from server.link.parameters import Parameters
 from server.link.radios import LinkFactory, Radios
 from server.link.ranging import Ranging
+from server.link.robot_figures import clock_offsets_s, figures_of
 from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
 from server.link.state_sums import StateSums
 from server.link.trial_route import LinkTrials
 from server.link.waypoints import Waypoints
+from server.watch.station_clock import StationClock
 
 ROUTERS = (
     range_route.router,
@@ -112,6 +115,8 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
         if is_acoustic(event.uri):
             ranging.set_enabled(event.uri, is_enabled=event.is_enabled)
 
+    foundation.metrics.add(lambda: figures_of(fleet))
+    services.get(StationClock).add_witness(lambda: clock_offsets_s(fleet))
     feed, grown = foundation.feed, set[str]()
 
     def stored(event: ValuesStored) -> None:
@@ -136,6 +141,7 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
     bus.subscribe(SamplesStored, radios.acknowledge)
     bus.subscribe(DetectionsStored, radios.acknowledge)
     bus.subscribe(SamplesStored, follow)
+    bus.subscribe(SamplesStored, IntakeFigures(foundation.metrics, clock).stored)
     bus.subscribe(RobotChanged, robot_changed)
     bus.subscribe(SettingsChanged, settings_changed)
     bus.subscribe(SigningChanged, signing_changed)

@@ -1,12 +1,18 @@
 """Puts the capability together."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+
+from prometheus_client.core import Metric
+from sqlalchemy.orm import Session
 
 from autonomy.frames import wgs84_from_ned
+from db.query.station.notices import queued_notices, waiting_topics
+from robot_link.clock import Clock
 from server.access.subject import Subjects
 from server.base.event_bus import AlarmChanged, EventLogged
 from server.base.foundation import Foundation
+from server.base.metric.metrics import counted
 from server.fleet.fleet import Fleet
 from server.notice import assignee_route, link_route, route
 from server.notice.heartbeat import Heartbeat
@@ -39,10 +45,20 @@ def install(foundation: Foundation) -> None:
     heartbeat = foundation.services.add(Heartbeat(foundation))
     foundation.bus.subscribe(AlarmChanged, notices.alarm_changed)
     foundation.bus.subscribe(EventLogged, notices.event_logged)
+    foundation.metrics.add_query(lambda session: _waiting(session, foundation.clock))
     foundation.lifetime.on_load(notices.load)
     foundation.lifetime.on_stop(notices.deliveries.stop)
     foundation.lifetime.run("notices", notices.run)
     foundation.lifetime.run("heartbeat", heartbeat.run)
+
+
+def _waiting(session: Session, clock: Clock) -> Iterator[Metric]:
+    waiting = {
+        "unsent": len(queued_notices(session)),
+        "to_be_told": len(waiting_topics(session, clock.now())),
+    }
+    text = "Messages that were not taken yet by a service, and contacts with news on a topic."
+    yield counted("notices_waiting", text, "state", waiting)
 
 
 def last_places(fleet: Fleet) -> Mapping[str, Place]:

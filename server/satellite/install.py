@@ -1,11 +1,17 @@
 """Puts the capability together."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 
+from prometheus_client.core import Metric
+from sqlalchemy.orm import Session
+
+from db.query.satellite.outbox import open_outbox
 from robot_link.station.gateway.gateway import MobileOriginated
 from server.access.subject import Subjects
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
+from server.base.metric.metrics import counted
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.event import LinkSwitched, RobotChanged, RobotReported
 from server.fleet.fleet import Fleet
@@ -54,7 +60,14 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
     bus.subscribe(AccountRead, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(MessageArrived, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(GatewayChanged, lambda _: feed.mark("gateways"))
+    foundation.metrics.add_query(_outbox_depth)
     foundation.lifetime.on_load(satellite.load)
     foundation.lifetime.run("satellite", satellite.run)
     foundation.lifetime.on_start(gateways.start)
     foundation.lifetime.on_stop(gateways.stop)
+
+
+def _outbox_depth(session: Session) -> Iterator[Metric]:
+    waiting = Counter(row.robot for row in open_outbox(session))
+    text = "Rows of the satellite outbox that are not delivered yet."
+    yield counted("satellite_outbox_rows", text, "robot", waiting)

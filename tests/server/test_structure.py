@@ -11,7 +11,8 @@ from pathlib import Path
 
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
-    "base", "access", "system", "backup", "demo", "base_map", "vehicle", "water", "camera", "fleet",
+    "base", "access", "watch", "system", "backup", "demo", "base_map", "vehicle", "water", "camera",
+    "fleet",
     "deployment", "link", "satellite", "lease", "command", "drive", "fix", "current", "map", "tag",
     "battery", "plan",
     "plan_file", "design", "checklist", "transfer", "schedule", "target", "survey", "study",

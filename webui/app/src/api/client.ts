@@ -56,7 +56,7 @@ export class Api {
         request.headers.set('Idempotency-Key', newKey());
       },
       onResponse: async ({ response, schemaPath }) => {
-        if (response.ok) return;
+        if (response.ok || schemaPath === '/api/health') return;
         if (response.status === 401 && schemaPath !== '/api/session') this.onSignedOut();
         throw await problemOf(response);
       },
@@ -65,7 +65,13 @@ export class Api {
     });
   }
 
-  health = () => told(this.#http.GET('/api/health'));
+  /** Tells how the station is, which says so itself while it can take no work. */
+  async health(): Promise<Schemas['HealthView']> {
+    const { data, error, response } = await this.#http.GET('/api/health');
+    if (data !== undefined) return data;
+    if (response.status === 503 && error !== undefined && 'ready' in error) return error;
+    throw await problemOf(response);
+  }
 
   async session(): Promise<Schemas['SessionView']> {
     const session = await told(this.#http.GET('/api/session'));

@@ -1,0 +1,1 @@
+"""The figures by which a station says how it is."""

@@ -1,0 +1,1 @@
+"""How the station itself is: metrics, logs, its clock, its health."""

@@ -1,0 +1,163 @@
+"""What the station says of its work: plain lines on the terminal, JSON lines in files.
+
+Both leave out what would let a reader of the log in, whoever has written it there: a server logs
+what it is asked for, and an exception may quote an address.
+"""
+
+import json
+import logging
+import logging.handlers
+import os
+import queue
+import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
+
+from db.actor import acting
+from server.watch.request import REQUEST_LOGGER, asked
+
+LogFormat: TypeAlias = Literal["text", "json"]
+LogLevel: TypeAlias = Literal["debug", "info", "warning", "error"]
+FILE: Final = "station.jsonl"
+FILES: Final = 10
+"""The newest and those before it; each holds an equal part of what all may."""
+WAITING_MAX: Final = 10_000
+"""Lines that wait for a slow disk; more are dropped, and how many is told."""
+_QUIET: Final = ("alembic", "httpx", "uvicorn.access")
+"""They say much, and httpx every address that it asks: some hold a secret word."""
+_SECRET: Final = re.compile(
+    r"((?:token|ticket|password|secret|key|code)=|/push/|/ack/|[Bb]earer )[^\s&\"'<>,;)\]}]+"
+    r"|()grace_[\w-]{40,}"
+)
+_OWN: Final = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
+_CONTEXT: Final = ("request_id", "person", "robot")
+_TEXT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without what would let its reader in."""
+    return _SECRET.sub(r"\1(secret)", text)
+
+
+class WithoutSecrets(logging.Formatter):
+    """Plain lines, with the exception of each, without secrets."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return without_secrets(super().format(record))
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line: ``time`` (UTC), ``level``, ``logger``, ``message`` and what is known.
+
+    That is ``request_id``, ``person`` and ``robot`` where the line belongs to one, ``exception``
+    where one is told, and whatever the caller gave as ``extra``.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        line: dict[str, Any] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        more = {name: value for name, value in record.__dict__.items() if name not in _OWN}
+        line |= {name: value for name, value in more.items() if value is not None}
+        if record.exc_info and record.exc_info[0] is not None:
+            line["exception"] = self.formatException(record.exc_info)
+        return without_secrets(json.dumps(line, default=str, ensure_ascii=False))
+
+
+class _Context(logging.Filter):
+    """Notes for whom a line is said, while that is known: a handler may write it elsewhere."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        request, actor = asked.get(), acting.get()
+        person = None if actor is None else actor.name
+        known = (
+            None if request is None else request.id,
+            person or (None if request is None else request.person),
+            None if request is None else request.robot,
+        )
+        for name, value in zip(_CONTEXT, known, strict=True):
+            if getattr(record, name, None) is None:
+                setattr(record, name, value)
+        return True
+
+
+class _Waiting(logging.handlers.QueueHandler):
+    """Hands lines to the thread that writes them: nobody waits for a disk."""
+
+    dropped = 0
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        return record
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        try:
+            self.queue.put_nowait(record)
+        except queue.Full:
+            self.dropped += 1
+
+
+class _Files(logging.handlers.RotatingFileHandler):
+    """Files for this user alone; where they cannot be written, the terminal is told once."""
+
+    is_failing = False
+
+    def _open(self) -> Any:  # noqa: ANN401 - the base class's own stream
+        stream = super()._open()
+        os.chmod(self.baseFilename, 0o600)
+        self.is_failing = False
+        return stream
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the base class's name
+        if not self.is_failing and record.name != __name__:
+            self.is_failing = True
+            logging.getLogger(__name__).error("the log cannot be written to %s", self.baseFilename)
+
+
+def log_to_console(log_format: LogFormat = "text", level: LogLevel = "info") -> None:
+    """Say what happens from a level on, on standard error.
+
+    Plain lines leave out those of requests unless they failed: they are for a person.
+    """
+    handler = logging.StreamHandler()
+    handler.addFilter(_Context())
+    if log_format == "json":
+        handler.setFormatter(JsonLines())
+    else:
+        handler.setFormatter(WithoutSecrets(_TEXT))
+        handler.addFilter(_is_for_a_person)
+    logging.basicConfig(level=level.upper(), handlers=[handler])
+    for name in _QUIET:
+        logging.getLogger(name).setLevel(logging.WARNING)
+
+
+@contextmanager
+def logged_to_files(folder: Path, limit_bytes: int) -> Generator[None]:
+    """Write every line into files of a folder too, which together hold at most so many bytes."""
+    folder.mkdir(exist_ok=True, mode=0o700)
+    files = _Files(
+        folder / FILE, maxBytes=limit_bytes // FILES, backupCount=FILES - 1, encoding="utf-8"
+    )
+    files.setFormatter(JsonLines())
+    waiting = _Waiting(queue.Queue(WAITING_MAX))
+    waiting.addFilter(_Context())
+    listener = logging.handlers.QueueListener(waiting.queue, files)
+    listener.start()
+    logging.getLogger().addHandler(waiting)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(waiting)
+        listener.stop()
+        files.close()
+
+
+def _is_for_a_person(record: logging.LogRecord) -> bool:
+    return record.name != REQUEST_LOGGER or record.levelno > logging.INFO

@@ -1,0 +1,45 @@
+"""Memory of large blocks, which come and go in many threads."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc is Linux's"),
+]
+PROGRAM = """
+import sys, threading
+import numpy as np
+if sys.argv[1] == "returned":
+    from server.watch.memory import return_freed_memory
+    return_freed_memory()
+ready, go_on = threading.Barrier(9), threading.Barrier(9)
+def work():
+    for size in (1, 4, 16, 30):
+        block = np.ones(size * 2**17)
+        kept.append(bytes(5000))
+        del block
+    ready.wait(); go_on.wait()
+kept = []
+threads = [threading.Thread(target=work) for _ in range(8)]
+for one in threads: one.start()
+ready.wait()
+for line in open("/proc/self/status"):
+    if line.startswith("RssAnon"): print(line.split()[1])
+go_on.wait()
+"""
+
+
+def anonymous_mb(how: str) -> float:
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
+    return int(run.stdout) / 1024.0
+
+
+def test_blocks_that_were_freed_in_threads_go_back_to_the_machine():
+    kept_mb, returned_mb = anonymous_mb("kept"), anonymous_mb("returned")
+    assert returned_mb < 0.5 * kept_mb, (kept_mb, returned_mb)
