@@ -142,7 +142,8 @@ def judged(samples: list[dict[str, float]]) -> list[dict[str, Any]]:
         at_s, values = [one["at_s"] for one in later], [one[name] for one in later]
         early = sorted(values[: max(len(values) // 9, 3)])
         level = early[len(early) // 2] or 1.0
-        growth = float(theilslopes(values, at_s)[0]) * (at_s[-1] - at_s[0]) / level
+        slope: Any = theilslopes(values, at_s)[0]
+        growth = float(slope) * (at_s[-1] - at_s[0]) / level
         row |= {"level": level, "last": values[-1], "growth": growth}
         row["highest"] = max(values) / level - 1.0
         if name in JUDGED:
