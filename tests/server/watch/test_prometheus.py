@@ -37,6 +37,7 @@ def expressions() -> list[str]:
 async def test_every_metric_of_dashboard_and_alerts_is_one_that_the_station_tells(
     client: StationClient,
 ):
+    await client.get("/api/session")
     told = {name for name, _ in figures_of((await client.get("/metrics")).text)}
     source = "".join(one.read_text() for one in (DEPLOY.parent / "server").rglob("*figures.py"))
     source += "".join(
