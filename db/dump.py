@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import create_engine, inspect, make_url
+from sqlalchemy import URL, create_engine, inspect, make_url
 from sqlalchemy.exc import DBAPIError
 
 from db.engine import check_url, opening_sentence
@@ -103,8 +103,16 @@ def _version(name: str) -> int:
 
 def _plain(url: str) -> str:
     """Return a URL for the programs: without a driver and without its password."""
-    parsed = make_url(url).set(drivername="postgresql")
-    return parsed.set(password=None).render_as_string(hide_password=False)
+    given = make_url(url)
+    plain = URL.create(
+        "postgresql",
+        username=given.username,
+        host=given.host,
+        port=given.port,
+        database=given.database,
+        query=given.query,
+    )
+    return plain.render_as_string(hide_password=False)
 
 
 def _environment(url: str | None) -> Mapping[str, str]:

@@ -34,6 +34,7 @@ SITE = LAKE.model_copy(update={"name": "Our pond"}).model_dump(mode="json")
 SAID: Mapping[tuple[str, str], Any] = {
     ("robot", "site"): SITE,
     ("robot", "kind"): "simulated",
+    ("robot", "water_key"): 1,
     ("robot", "links"): ["xbee:///dev/ttyUSB0"],
     ("deployment", "kind"): "live",
     ("deployment", "site"): SITE,
