@@ -20,7 +20,7 @@ DASHBOARD = json.loads((DEPLOY / "grafana-dashboard.json").read_text())
 RULES = DEPLOY / "prometheus-alerts.yml"
 _NAME = re.compile(r"\b(?:grace|process)_[a-z0-9_]+\b")
 ON_DEMAND = {
-    "grace_jobs_total", "grace_jobs_running", "grace_robot_frames_total",
+    "grace_jobs_total", "grace_jobs_running", "grace_robot_link_frames_total",
     "grace_robot_samples_total", "grace_robot_acknowledgement_lag_seconds",
     "grace_robot_clock_offset_seconds", "grace_robot_plan_state", "grace_satellite_outbox_rows",
     "grace_satellite_credits_today", "grace_satellite_credits_per_day",
