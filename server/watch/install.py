@@ -1,5 +1,6 @@
 """Puts the capability together."""
 
+from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.watch import figures, metrics_route
 from server.watch.loop import LoopWatch
@@ -11,6 +12,7 @@ ROUTERS = (metrics_route.router,)
 
 def install(foundation: Foundation) -> None:
     """Watch the station itself."""
+    foundation.services.get(Subjects).add_whole("/metrics")
     figures.register(foundation)
     loop = foundation.services.add(LoopWatch(foundation.metrics))
     foundation.services.add(RequestMetrics(foundation.metrics))
