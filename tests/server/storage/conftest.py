@@ -5,11 +5,14 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from sqlalchemy import update
+from sqlalchemy.orm import Session
 
+from db.ingest import Telemetry
+from db.store import Store
 from db.tables import Deployment
 from robot_link.messages import RawFrame, RobotId, RobotMode
 from robot_link.report import Reading
-from tests.db.conftest import (  # noqa: F401 - fixtures
+from tests.db.conftest import (
     postgresql,
     postgresql_url,
     prepared_database,
@@ -21,6 +24,16 @@ from tests.db.conftest import (  # noqa: F401 - fixtures
     url,
 )
 
+__all__ = [
+    "postgresql",
+    "postgresql_url",
+    "prepared_database",
+    "prepared_postgresql",
+    "sqlite_url",
+    "store",
+    "url",
+]
+"""Fixtures of the database's own tests."""
 DAY = datetime(2026, 3, 1, tzinfo=UTC)
 NOW = DAY + timedelta(days=100)
 LASTS_S = 3600
@@ -28,9 +41,11 @@ LASTS_S = 3600
 ROBOT = RobotId("mini-1")
 
 
-def day_of_robot(number: int, every_s: float = 10.0, received_at: datetime | None = None):
+def day_of_robot(
+    number: int, every_s: float = 10.0, received_at: datetime | None = None
+) -> list[Telemetry]:
     """Return what a robot said in an hour of a day: states, samples, readings, raw bytes."""
-    values = []
+    values: list[Telemetry] = []
     begin = DAY + timedelta(days=number, hours=10)
     for step in range(int(LASTS_S / every_s)):
         at = begin + timedelta(seconds=step * every_s)
@@ -61,10 +76,10 @@ def day_of_robot(number: int, every_s: float = 10.0, received_at: datetime | Non
 
 
 @pytest.fixture
-def ended(store):  # noqa: F811 - the fixture
+def ended(store: Store) -> None:
     """The deployment that the robot was put in begins before all that and has ended."""
 
-    def change(session):
+    def change(session: Session) -> None:
         session.execute(
             update(Deployment).values(
                 state="recovered",
