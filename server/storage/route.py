@@ -17,7 +17,7 @@ from server.storage.result import StoragePassResult, StoragePreviewResult
 from server.storage.sizes import Sizes
 from server.storage.view import (
     PrunedStretchView,
-    StorageView,
+    StoredSizesView,
     storage_view,
     stretch_view,
 )
@@ -33,7 +33,7 @@ End = Annotated[AwareDatetime | None, Query(description="Last moment; RFC 3339."
 @router.get("/storage")
 async def get_storage(
     caller: Viewer, sizes: SizesDep, passes: PassesDep, store: StoreDep
-) -> StorageView:
+) -> StoredSizesView:
     """Return how much there is of everything, by the newest look, and what went when."""
     del caller
     pruned = await store.query(pruned_stretches)

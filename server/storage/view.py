@@ -57,7 +57,7 @@ class PassView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class StorageView(View):
+class StoredSizesView(View):
     """What the station keeps, and what becomes of it."""
 
     look: LookView | None
@@ -87,10 +87,10 @@ class PrunedStretchView(View):
     """The same in words."""
 
 
-def storage_view(sizes: Sizes, passes: Passes, pruned: list[PrunedStretch]) -> StorageView:
+def storage_view(sizes: Sizes, passes: Passes, pruned: list[PrunedStretch]) -> StoredSizesView:
     """Return everything as it is told."""
     last = passes.last
-    return StorageView(
+    return StoredSizesView(
         look=_look(sizes),
         last_pass=None
         if last is None

@@ -8,7 +8,7 @@ type Schemas = components['schemas'];
 
 export type Look = Schemas['LookView'];
 export type KindSize = Schemas['KindSizeView'];
-export type Storage = Schemas['StorageView'];
+export type Storage = Schemas['StoredSizesView'];
 export type Preview = Schemas['StoragePreviewResult'];
 
 const KIND = { kind: 'storage' } as const;
