@@ -26,7 +26,7 @@ from server.cli.option import add_data_option
 from server.cli.service.manager import ServiceManager, keep_alive
 from server.system.certificate import CertificateError, ServedCertificate
 from server.system.database_wait import WaitingPage, wait_for_database
-from server.watch.log import log_to_console, logged_to_files
+from server.watch.log import log_station, logged_to_files
 from server.watch.memory import return_freed_memory
 
 GRACEFUL_STOP_S = 3
@@ -101,7 +101,7 @@ def run(arguments: Namespace) -> int:
     if arguments.parent_pid is not None:
         _end_with_parent(arguments.parent_pid)
     return_freed_memory()
-    log_to_console(settings.log_format, settings.log_level)
+    log_station(settings.log_format, settings.log_level)
     manager = ServiceManager()
     inherited = manager.listener if arguments.listen_fd is None else arguments.listen_fd
     _keep_machine_code(settings.data_dir)

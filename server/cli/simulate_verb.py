@@ -19,7 +19,7 @@ from server.cli.data import open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, make_data_folder
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
-from server.watch.log import log_to_console
+from server.watch.console import log_to_console
 
 if TYPE_CHECKING:
     from simulator.fault_desk import FaultNews

@@ -1,15 +1,10 @@
-"""What the station says of its work: plain lines on the terminal, JSON lines in files.
-
-Both leave out what would let a reader of the log in, whoever has written it there: a server logs
-what it is asked for, and an exception may quote an address.
-"""
+"""What the station says of its work: plain lines on the terminal, JSON lines in files."""
 
 import json
 import logging
 import logging.handlers
 import os
 import queue
-import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -17,37 +12,17 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 from db.actor import acting
+from server.watch.console import LogLevel, log_to_console, without_secrets
 from server.watch.request import REQUEST_LOGGER, asked
 
 LogFormat: TypeAlias = Literal["text", "json"]
-LogLevel: TypeAlias = Literal["debug", "info", "warning", "error"]
 FILE: Final = "station.jsonl"
 FILES: Final = 10
 """The newest and those before it; each holds an equal part of what all may."""
 WAITING_MAX: Final = 10_000
 """Lines that wait for a slow disk; more are dropped, and how many is told."""
-_QUIET: Final = ("alembic", "httpx", "uvicorn.access")
-"""They say much, and httpx every address that it asks: some hold a secret word."""
-_SECRET: Final = re.compile(
-    r"((?:token|ticket|password|secret|key|code)=|/push/|/ack/|[Bb]earer )[^\s&\"'<>,;)\]}]+"
-    r"|()grace_[\w-]{40,}"
-)
 _OWN: Final = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 _CONTEXT: Final = ("request_id", "person", "robot")
-_TEXT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
-
-
-def without_secrets(text: str) -> str:
-    """Return a text without what would let its reader in."""
-    return _SECRET.sub(r"\1(secret)", text)
-
-
-class WithoutSecrets(logging.Formatter):
-    """Plain lines, with the exception of each, without secrets."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        return without_secrets(super().format(record))
 
 
 class JsonLines(logging.Formatter):
@@ -121,21 +96,15 @@ class _Files(logging.handlers.RotatingFileHandler):
             logging.getLogger(__name__).error("the log cannot be written to %s", self.baseFilename)
 
 
-def log_to_console(log_format: LogFormat = "text", level: LogLevel = "info") -> None:
-    """Say what happens from a level on, on standard error.
+def log_station(log_format: LogFormat, level: LogLevel) -> None:
+    """Say what happens at a station from a level on, on standard error.
 
     Plain lines leave out those of requests unless they failed: they are for a person.
     """
-    handler = logging.StreamHandler()
-    handler.addFilter(_Context())
     if log_format == "json":
-        handler.setFormatter(JsonLines())
+        log_to_console(level, _Context(), formatter=JsonLines())
     else:
-        handler.setFormatter(WithoutSecrets(_TEXT))
-        handler.addFilter(_is_for_a_person)
-    logging.basicConfig(level=level.upper(), handlers=[handler])
-    for name in _QUIET:
-        logging.getLogger(name).setLevel(logging.WARNING)
+        log_to_console(level, _Context(), _is_for_a_person)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option, add_remote_options
-from server.watch.log import log_to_console
+from server.watch.console import log_to_console
 
 FLY = "fly"
 ACTIONS = (FLY, "add", "list", "retire", "restore")

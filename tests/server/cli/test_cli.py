@@ -12,7 +12,7 @@ from db.migrate import configuration
 from server.access.secret import new_secret
 from server.cli.data_folder import hold_data_folder
 from server.cli.main import VERBS, main
-from server.watch.log import WithoutSecrets
+from server.watch.console import WithoutSecrets
 from tests.server.recording.test_import import dive_csv
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from server.access.role import Role
-from server.watch.log import FILE, FILES, JsonLines, logged_to_files, without_secrets
+from server.watch.console import without_secrets
+from server.watch.log import FILE, FILES, JsonLines, logged_to_files
 from tests.server.station_app import bearer, client_of, running, token_of
 
 ROOM = 100_000

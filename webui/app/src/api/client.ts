@@ -6,17 +6,13 @@ import { AlarmApi } from './alarm';
 import { ChannelApi } from './channel';
 import { ChecklistApi } from './checklist';
 import { DecisionApi } from './decision';
-import { AnalysisApi } from './analysis';
-import { DeliveryApi } from './delivery';
 import { DemoApi } from './demo';
 import { DesignApi } from './design';
 import { LeaseApi } from './lease';
 import { LogBookApi } from './log_book';
-import { NoticeApi } from './notice';
 import { noAnswer, Problem, problemOf } from './problem';
 import { SetupApi } from './setup';
 import { RecordingApi } from './recording';
-import { TagApi } from './tag';
 import { VehicleApi } from './vehicle';
 import { ReplayApi } from './replay';
 import type { ConfigDocument, JsonObject, SceneChange, ScheduleWish, SendWish } from './types';
@@ -94,12 +90,9 @@ export class Api {
   /** Robots that join and leave, their links, and their deployments. */
   readonly setup = new SetupApi(this.#http);
   readonly decisions = new DecisionApi(this.#http);
-  readonly delivery = new DeliveryApi(this.#http);
-  readonly analysis = new AnalysisApi(this.#http);
   readonly lease = new LeaseApi(this.#http);
   readonly demo = new DemoApi(this.#http);
   readonly checklist = new ChecklistApi(this.#http);
-  readonly notice = new NoticeApi(this.#http);
   readonly access = new AccessApi(this.#http);
   readonly design = new DesignApi(this.#http);
   readonly channel = new ChannelApi(this.#http);
@@ -107,7 +100,6 @@ export class Api {
   readonly water = new WaterApi(this.#http);
   readonly outlook = new OutlookApi(this.#http);
   readonly recording = new RecordingApi(this.#http);
-  readonly tag = new TagApi(this.#http);
   readonly vehicle = new VehicleApi(this.#http);
   readonly logBook = new LogBookApi(this.#http, () => this.csrf);
 

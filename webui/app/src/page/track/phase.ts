@@ -92,13 +92,6 @@ export function isAstray({ error_m, hypotheses: [likeliest] }: TargetReport): bo
   return error_m !== null && ellipse !== null && error_m > CLEARLY * ellipse.longM;
 }
 
-/** Whether a robot follows its target now with nothing that keeps it observable. */
-export function isTeachingNow(
-  track: Pick<TargetReport, 'phase' | 'is_barrier_on'> | null | undefined,
-): boolean {
-  return !!track && !track.is_barrier_on && track.phase !== 'ended';
-}
-
 /** Times after which silence counts, s, as the plan set them. */
 export interface Patience {
   lostAfterS: number;

@@ -12,15 +12,8 @@ import {
 } from './config';
 import { batteryText, trackFacts } from './account';
 import { barrierSentence, knowable, knowableFigure, lately, observability } from './observability';
-import {
-  advice,
-  isAstray,
-  isFollowing,
-  isTeachingNow,
-  isVague,
-  phaseSince,
-  phaseWord,
-} from './phase';
+import { advice, isAstray, isFollowing, isVague, phaseSince, phaseWord } from './phase';
+import { isTeachingNow } from './teaching';
 import { pingOrders } from './ping';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
