@@ -144,7 +144,7 @@ async def test_scheduled_send_waits_for_the_list_and_goes_once_it_is_complete(cl
         "expires_at": (now + timedelta(minutes=30)).isoformat(),
     }
     answer = await client.post(f"/api/plans/{plan}/schedule", json=wish)
-    assert answer.status_code == 202, answer.text
+    assert answer.status_code == 201, answer.text
 
     async def held():
         (send,) = (await client.get(f"/api/robots/{MINI}/schedule")).json()["sends"]
