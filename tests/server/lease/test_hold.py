@@ -110,7 +110,7 @@ async def scheduled(client):
         "expires_at": (now + timedelta(minutes=5)).isoformat(),
     }
     sent = await client.post(f"/api/plans/{plan}/schedule", json=wish)
-    assert sent.status_code == 202, sent.text
+    assert sent.status_code == 201, sent.text
     return plan, sent.json()["id"]
 
 
