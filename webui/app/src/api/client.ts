@@ -65,7 +65,7 @@ export class Api {
   async health(): Promise<Schemas['HealthView']> {
     const { data, error, response } = await this.#http.GET('/api/health');
     if (data !== undefined) return data;
-    if (response.status === 503 && error !== undefined && 'ready' in error) return error;
+    if (response.status === 503 && typeof error === 'object' && 'ready' in error) return error;
     throw await problemOf(response);
   }
 
