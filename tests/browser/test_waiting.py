@@ -66,6 +66,7 @@ def test_plan_waits_on_board_and_begins_at_the_surfacing(tank: Demo, window: Pag
     second = draft(tank, (0.5, 0.0))
     tank.post(f"/api/plans/{first}/upload", {"start": True, "confirmed": True})
     tank.wait("a dive", lambda: state(tank)["mode"] in UNDER_WATER, 180.0)
+    tank.wait("its start told", lambda: plan_of(tank, first)["state"] == "running", 60.0)
     tank.post(f"/api/plans/{second}/upload", {"start": True, "confirmed": True})
     tank.wait("it to wait", lambda: (state(tank)["waiting_plan"] or {}).get("starts"), 120.0)
     open_page(window, tank, f"/robot/{ROBOT}")
