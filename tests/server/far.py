@@ -90,7 +90,7 @@ async def in_state(client, path, *states):
 async def transfer_of(client, plan, **body):
     answer = await client.post(f"/api/plans/{plan['id']}/upload", json=body)
     assert answer.status_code == 202, answer.text
-    return f"/api/transfers/{answer.json()['transfer']}"
+    return f"/api/transfers/{answer.json()['id']}"
 
 
 def lose_radio(world):
