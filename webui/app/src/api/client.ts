@@ -12,8 +12,6 @@ import { LeaseApi } from './lease';
 import { LogBookApi } from './log_book';
 import { noAnswer, Problem, problemOf } from './problem';
 import { SetupApi } from './setup';
-import { RecordingApi } from './recording';
-import { VehicleApi } from './vehicle';
 import { ReplayApi } from './replay';
 import type { ConfigDocument, JsonObject, SceneChange, ScheduleWish, SendWish } from './types';
 import { OutlookApi } from './outlook';
@@ -99,8 +97,6 @@ export class Api {
   readonly alarm = new AlarmApi(this.#http);
   readonly water = new WaterApi(this.#http);
   readonly outlook = new OutlookApi(this.#http);
-  readonly recording = new RecordingApi(this.#http);
-  readonly vehicle = new VehicleApi(this.#http);
   readonly logBook = new LogBookApi(this.#http, () => this.csrf);
 
   /** Routes that few pages call, and that they bring along. */
