@@ -32,6 +32,7 @@ from server.station import Station, run_station
 from tests.server.fake_link import World, current_report, state_report
 from tests.server.fake_worker import FakeWorkers
 from tests.server.in_thread import run_in_thread
+from tests.server.station_app import AT_WILL
 from tests.server.station_parts import OpenStation
 
 T = TypeVar("T")
@@ -100,7 +101,7 @@ async def open_station(
     tmp_path: Path, world: World, **more: object
 ) -> AsyncGenerator[OpenStation, None]:
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
-    told = {"data_dir": tmp_path, "simulation": True, "worker_processes": 1, **more}
+    told = {"data_dir": tmp_path, "simulation": True, "worker_processes": 1, **AT_WILL, **more}
     settings = Settings.model_validate(told)
     async with run_station(
         settings, lambda foundation: Station(foundation, world.make_link)

@@ -17,6 +17,8 @@ from server.base.settings import Settings
 
 PASSWORD = "correct horse battery"
 BASE_URL = "http://127.0.0.1:8000"
+AT_WILL = {"token_burst": 100_000}
+"""Settings of a station whose tests may ask faster than a script may."""
 
 
 class NoService:
@@ -32,7 +34,8 @@ class NoService:
 
 @asynccontextmanager
 async def running(folder: Path, **settings: object) -> AsyncGenerator[FastAPI]:
-    app = create_app(Settings.model_validate({"data_dir": folder, **settings}), NoService)
+    told = {"data_dir": folder, **AT_WILL, **settings}
+    app = create_app(Settings.model_validate(told), NoService)
     async with app.router.lifespan_context(app):
         yield app
 

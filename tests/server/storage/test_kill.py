@@ -30,11 +30,17 @@ CHILD = """
 import sys
 from pathlib import Path
 from db.store import Store
+from server.storage.pace import Pace
 from tests.server.storage.test_kill import RULES
 from tests.server.storage.test_pruning import config, prune
 
+def rest_and_say(pace, took_s, rows, rest=Pace.rest_after):
+    print("transaction", flush=True)
+    rest(pace, took_s, rows)
+
+
+Pace.rest_after = rest_and_say
 store = Store.open(sys.argv[1])
-print("begins", flush=True)
 prune(store, Path(sys.argv[2]), config(**RULES))
 print("ends", flush=True)
 """
@@ -42,15 +48,23 @@ MOVED = (RawFrameRow, SampleRow)
 KILLS_MAX = 6
 
 
-def killed_pass(url, folder, seconds):
-    """Run a pass in a process and kill it so long after it began; tell whether it had ended."""
+def killed_pass(url, folder, transactions, more_s):
+    """Run a pass in a process and kill it after so many transactions and so long after them.
+
+    Returns:
+        Whether it had ended before.
+    """
     child = subprocess.Popen(
         [sys.executable, "-c", CHILD, url, str(folder)], stdout=subprocess.PIPE, text=True
     )
-    assert child.stdout.readline() == "begins\n"
-    time.sleep(seconds)
+    for _ in range(transactions):
+        line = child.stdout.readline()
+        assert line in {"transaction\n", "ends\n"}
+        if line == "ends\n":
+            break
+    time.sleep(more_s)
     os.kill(child.pid, signal.SIGKILL)
-    has_ended = "ends" in child.stdout.read()
+    has_ended = line == "ends\n" or "ends" in child.stdout.read()
     child.stdout.close()
     child.wait()
     return has_ended
@@ -68,7 +82,9 @@ def test_a_pass_killed_at_random_moments_ends_the_same(store, url, ended, tmp_pa
     store.close()
     draw = random.Random(19)
     kills = 0
-    while not killed_pass(url, tmp_path, draw.expovariate(1.0)) and kills < KILLS_MAX:
+    while kills < KILLS_MAX and not killed_pass(
+        url, tmp_path, draw.randint(1, 6), draw.uniform(0.0, 0.05)
+    ):
         kills += 1
     store = Store.open(url)
     try:
