@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from db.frame_file import START, FrameFile
 from db.ingest import Telemetry
-from db.query.station.settings import get_setting, put_setting
+from db.query.station.settings import get_setting, replace_setting
 from db.telemetry_text import TelemetryTextError, rows_of, text_of
 
 log = logging.getLogger(__name__)
@@ -50,12 +50,15 @@ class Bridge:
         self._read_to = START
         self._read_rows = 0
         self._last = 0
+        self._tried = 0
+        """Newest number that may be in the database; no batch beyond it can be."""
         self.waiting_rows = 0
         """Rows that are on the disk and not in the database, as far as is known."""
         for frame in self._file.frames():
             number, rows, _ = _parts(frame.payload)
             self._last = max(self._last, number)
             self.waiting_rows += rows
+        self._tried = self._last
         if self.waiting_rows:
             log.info("%d rows wait on the disk for the database", self.waiting_rows)
 
@@ -114,13 +117,14 @@ class Bridge:
 
     def catch_up(self, session: Session) -> None:
         """Give no batch a number from now on that the database knows already."""
-        self._last = max(self._last, self._written(session))
+        self._last = self._tried = max(self._last, self._written(session))
 
     def keep_once(self, session: Session, batch: Batch) -> bool:
         """Note in a transaction that it keeps a batch; tell whether none did before."""
-        if batch.number <= self._written(session):
+        if batch.number <= self._tried and batch.number <= self._written(session):
             return False
-        put_setting(session, _MARK, {"name": self._file.name.hex, "number": batch.number})
+        self._tried = max(self._tried, batch.number)
+        replace_setting(session, _MARK, {"name": self._file.name.hex, "number": batch.number})
         return True
 
     def close(self) -> None:

@@ -5,9 +5,11 @@ The app offers what is offered here, and says the sentence where something is no
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
+from db.query.fleet.robots import RobotRecord
 from robot_link.messages import LinkState, RobotMode
 from server.base.problem import conflict
 from server.base.view import View, one_of
@@ -75,21 +77,45 @@ _OF_A_RECORDING: Final = ("what_if", "identification")
 
 def reason_against(status: RobotStatus, key: str) -> str:
     """Return why a robot cannot do something, "" if it can."""
-    record = status.record
+    return _reason(_Means.of(status.record), key)
+
+
+def capabilities(status: RobotStatus) -> tuple[RobotCapabilityView, ...]:
+    """Return everything that robots may be able to do, as it stands with this one."""
+    return _views(_Means.of(status.record))
+
+
+class _Means(NamedTuple):
+    """What decides on what a robot can do."""
+
+    robot: str
+    has_model: bool
+    has_system_id: bool
+    is_foreign: bool
+
+    @classmethod
+    def of(cls, record: RobotRecord) -> "_Means":
+        return cls(
+            record.id, bool(record.model), record.system_id is not None, record.is_foreign
+        )
+
+
+def _reason(means: _Means, key: str) -> str:
     text = ""
-    if key in _NEEDS_VEHICLE and not record.model:
+    if key in _NEEDS_VEHICLE and not means.has_model:
         text = _NO_VEHICLE
-    elif record.system_id is None:
+    elif not means.has_system_id:
         text = "" if key in _OF_A_RECORDING else _RECORDING
     else:
-        text = (_FOREIGN if record.is_foreign else _OWN).get(key, "")
-    return text.format(robot=record.id)
+        text = (_FOREIGN if means.is_foreign else _OWN).get(key, "")
+    return text.format(robot=means.robot)
 
 
-def capabilities(status: RobotStatus) -> list[RobotCapabilityView]:
-    """Return everything that robots may be able to do, as it stands with this one."""
-    reasons = ((key, reason_against(status, key)) for key in KEYS)
-    return [RobotCapabilityView(key, not reason, reason) for key, reason in reasons]
+@lru_cache(maxsize=1000)
+def _views(means: _Means) -> tuple[RobotCapabilityView, ...]:
+    """Made once: every list of the fleet says it of every robot."""
+    reasons = ((key, _reason(means, key)) for key in KEYS)
+    return tuple(RobotCapabilityView(key, not reason, reason) for key, reason in reasons)
 
 
 def refuse_unless_able(status: RobotStatus, key: str) -> None:

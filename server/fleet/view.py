@@ -298,7 +298,7 @@ class RobotView(View):
     """``real``, ``simulated`` or ``recorded``."""
     protocol: Annotated[str, one_of("grace", "mavlink")]
     """What it speaks by radio: ``grace``, or ``mavlink`` of another maker's vehicle."""
-    capabilities: list[RobotCapabilityView]
+    capabilities: tuple[RobotCapabilityView, ...]
     """What it can do, and why it cannot do the rest."""
     system_id: int | None
     simulated: bool

@@ -83,12 +83,19 @@ class _Files(logging.handlers.RotatingFileHandler):
     """Files for this user alone; where they cannot be written, the terminal is told once."""
 
     is_failing = False
+    _newest: tuple[logging.LogRecord, str] | None = None
 
     def _open(self) -> Any:  # noqa: ANN401 - the base class's own stream
         stream = super()._open()
         os.chmod(self.baseFilename, 0o600)
         self.is_failing = False
         return stream
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line of a record, made once: the base class asks twice, whether it fits too."""
+        if self._newest is None or self._newest[0] is not record:
+            self._newest = record, super().format(record)
+        return self._newest[1]
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the base class's name
         if not self.is_failing and record.name != __name__:
