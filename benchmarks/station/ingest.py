@@ -19,6 +19,7 @@ from sqlalchemy import func, select
 
 from autonomy.site import TANK
 from benchmarks.calibration import PYTHON, NotMeasuredError, calibrated, scaled_row
+from benchmarks.field.field import row
 from db.query.fleet.robots import RobotRecord, add_robot
 from db.sample_tables import SampleRow
 from db.store import Store
@@ -26,41 +27,59 @@ from db.tables import StateRow
 from robot_link.messages import RobotId, StateReport, SystemId
 from server.base.settings import Settings
 from server.station import Station, run_station
+from tests.postgresql_server import postgresql_server
 
 ROBOTS = 20
 FULL_SPEED_MESSAGES = 30_000
 STEADY_MESSAGES, STEADY_RATE_S = 10_000, 1000.0
-SPEED_BAR_S, LATE_BAR_MS = 5000.0, 250.0
+SPEED_BARS_S = {"SQLite": 5000.0, "PostgreSQL": 3000.0}
+LATE_BAR_MS = 250.0
 """Where the Python loop takes what ``calibration`` says of the reference machine."""
 LIMIT_S = 300.0
 """Longest wait for all rows of a run."""
 
 
 def measure() -> list[dict[str, Any]]:
-    """Feed a station as fast as it takes packets, then at a steady rate.
+    """Feed a station as fast as it takes packets, with each engine, then at a steady rate.
 
     Raises:
         NotMeasuredError: If not all messages became rows.
     """
-    with calibrated(PYTHON) as fast:
-        busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0))
-    with calibrated(PYTHON) as steady:
-        _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S))
-    what = f"MAVLink messages of {ROBOTS} robots, bytes to SQLite rows, by CPU time"
-    speed_s, p99_ms = FULL_SPEED_MESSAGES / busy_s, float(np.percentile(late_ms, 99))
-    late = f"Byte to row at {STEADY_RATE_S:g} messages/s, p99"
-    return [
-        scaled_row("ingest", what, speed_s, "1/s", SPEED_BAR_S, fast, by="median", at_least=True),
-        scaled_row("ingest", late, p99_ms, "ms", LATE_BAR_MS, steady, by="wall"),
-    ]
+    rows = [_fast("SQLite", None), _late()]
+    with postgresql_server() as server:
+        if server is None:
+            bar_s = SPEED_BARS_S["PostgreSQL"]
+            return [*rows, row("ingest", _what("PostgreSQL"), None, "1/s; no server", bar_s, None)]
+        return [*rows, _fast("PostgreSQL", server.url(server.database()))]
 
 
-async def _fed(messages: int, rate_s: float) -> tuple[float, list[float]]:
+def _fast(engine: str, url: str | None) -> dict[str, Any]:
+    with calibrated(PYTHON) as calibration:
+        busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0, url))
+    speed_s, bar_s = FULL_SPEED_MESSAGES / busy_s, SPEED_BARS_S[engine]
+    return scaled_row(
+        "ingest", _what(engine), speed_s, "1/s", bar_s, calibration, by="median", at_least=True
+    )
+
+
+def _what(engine: str) -> str:
+    return f"MAVLink messages of {ROBOTS} robots, bytes to {engine} rows, by CPU time"
+
+
+def _late() -> dict[str, Any]:
+    with calibrated(PYTHON) as calibration:
+        _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S, None))
+    what = f"Byte to row at {STEADY_RATE_S:g} messages/s, p99"
+    p99_ms = float(np.percentile(late_ms, 99))
+    return scaled_row("ingest", what, p99_ms, "ms", LATE_BAR_MS, calibration, by="wall")
+
+
+async def _fed(messages: int, rate_s: float, url: str | None) -> tuple[float, list[float]]:
     """Return processor seconds of the station, and how late each state was committed, ms."""
     with tempfile.TemporaryDirectory() as folder, _feeder(messages, rate_s) as feeder:
         assert feeder.stdout is not None  # noqa: S101 - a pipe was asked for
         assert feeder.stdin is not None  # noqa: S101 - a pipe was asked for
-        settings = Settings(data_dir=Path(folder), worker_processes=1)
+        settings = Settings(data_dir=Path(folder), database_url=url, worker_processes=1)
         _prepare(settings, int(feeder.stdout.readline()))
         async with run_station(settings, Station) as running:
             store = running.foundation.store

@@ -95,9 +95,7 @@ class _Means(NamedTuple):
 
     @classmethod
     def of(cls, record: RobotRecord) -> "_Means":
-        return cls(
-            record.id, bool(record.model), record.system_id is not None, record.is_foreign
-        )
+        return cls(record.id, bool(record.model), record.system_id is not None, record.is_foreign)
 
 
 def _reason(means: _Means, key: str) -> str:
