@@ -58,11 +58,12 @@ def destroy(demo):
     shutil.rmtree(demo.data)
 
 
-def sign_in(demo, name):
-    client = httpx.Client(base_url=demo.url, timeout=60.0)
-    answer = client.post("/api/session", json={"name": name, "password": PASSWORD})
-    assert answer.status_code == 200, answer.text
-    return client
+def name_signed_in(demo, name):
+    """Sign in by a password, and return as whom the station knows the browser then."""
+    with httpx.Client(base_url=demo.url, timeout=60.0) as client:
+        answer = client.post("/api/session", json={"name": name, "password": PASSWORD})
+        assert answer.status_code == 200, answer.text
+        return client.get("/api/session").json()["name"]
 
 
 def secrets_of(data):
@@ -105,8 +106,7 @@ def test_a_flying_station_that_is_destroyed_comes_back_with_all_that_it_acknowle
         assert demo.get(f"/api/plans/{plan}")["legs"] == legs
         maps = demo.get("/api/robots/mini-1/maps")
         assert maps, "no map is opened"
-        with sign_in(demo, "ann") as ann:
-            assert ann.get("/api/session").json()["name"] == "ann"
+        assert name_signed_in(demo, "ann") == "ann"
         by_token = httpx.get(
             f"{demo.url}/api/robots", headers={"Authorization": f"Bearer {token}"}, timeout=60.0
         )
