@@ -100,16 +100,10 @@ class Planning:
 
     async def _take_up(self, plan: PlanRecord) -> None:
         """Go on with a plan that the station's end interrupted; one that did so often is ended."""
-        times = plan.document.get(INTERRUPTIONS, 0) + 1
-        if times > TAKEN_UP_MAX:
-            message = f"The station ended {times} times while it made this plan; plan again."
-            await self._drafts.fail(plan.id, message)
+        counted = await self._interrupted(plan, "the station restarted")
+        if counted is None:
             return
-        at = self._foundation.clock.now()
-        text = f"Taken up again after the station restarted at {at:%Y-%m-%d %H:%M:%S} UTC."
-        document = {INTERRUPTIONS: times, "message": text}
-        plan = await self._ledger.note(plan.id, document, only_from=("planning",))
-        await self._ledger.log_event(plan, "plan.planning", f"{plan.id} for {plan.robot}: {text}")
+        plan = counted
         if "settings" in plan.document:
             config = PlannerConfig.model_validate(plan.config)
             self._begin(plan.id, self._drafts.fly_ahead(plan, config))
@@ -121,6 +115,25 @@ class Planning:
             await self._drafts.fail(plan.id, problem.detail, {"interrupted": True})
             return
         self._begin(plan.id, self._search(plan, request, start_xy))
+
+    async def _interrupted(self, plan: PlanRecord, what: str) -> PlanRecord | None:
+        """Count an interruption of a plan in the making; None if it is ended, for it was too many.
+
+        Raises:
+            PlanStateError: If somebody ended the plan meanwhile.
+            StoreUnavailableError: Nothing was counted.
+        """
+        times = plan.document.get(INTERRUPTIONS, 0) + 1
+        if times > TAKEN_UP_MAX:
+            message = f"Its making was interrupted {times} times; plan again."
+            await self._drafts.fail(plan.id, message)
+            return None
+        at = self._foundation.clock.now()
+        text = f"Taken up again after {what} at {at:%Y-%m-%d %H:%M:%S} UTC."
+        document = {INTERRUPTIONS: times, "message": text}
+        counted = await self._ledger.note(plan.id, document, only_from=("planning",))
+        await self._ledger.log_event(plan, "plan.planning", f"{plan.id} for {plan.robot}: {text}")
+        return counted
 
     async def stop(self) -> None:
         """Stop searching; the plans are taken up again when the station starts."""
@@ -429,8 +442,8 @@ class Planning:
             await self._drafts.settle(plan.id, lambda: self._drafts.fail(plan.id, message))
             return
         except StoreUnavailableError as error:
-            log.warning("%s was not planned: %s", plan.id, error)
-            await self._drafts.settle(plan.id, lambda: self._drafts.interrupted(plan.id))
+            log.warning("%s is searched for anew once storage works: %s", plan.id, error)
+            await self._search_anew(plan, request, start_xy)
             return
         found = search_document(
             config.objective, result.message, result.best, result.runners_up, result.history
@@ -447,6 +460,20 @@ class Planning:
                 return await self._search_wider(plan, request, start_xy, added_m)
 
             await self._take(plan, config, best, found, wider)
+
+    async def _search_anew(
+        self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
+    ) -> None:
+        """Search once more as soon as storage works, unless it let this plan down too often."""
+        counted: list[PlanRecord | None] = []
+
+        async def count() -> None:
+            counted.append(await self._interrupted(plan, "a failure of the storage"))
+
+        await self._drafts.settle(plan.id, count)
+        again = counted[-1] if counted else None
+        if again is not None:
+            await self._search_now(again, request, start_xy)
 
     async def _search_wider(
         self,

@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from db.fault import StoreUnavailableError
 from server.plan.document import legs_of
-from server.plan.planning import TAKEN_UP_MAX
+from server.plan.planning import INTERRUPTIONS, TAKEN_UP_MAX
 from server.plan.search.request import SearchRequest, request_of_plan
 from tests.server.conftest import FAST, MINI, open_station, until
 from tests.server.fake_link import current_report, state_report
@@ -48,6 +49,41 @@ async def test_a_search_is_begun_again_as_it_was_asked_for(tmp_path, world, work
         assert (await ended(station, plan.id)).state == "draft"
 
 
+async def test_a_search_that_storage_let_down_is_begun_again_once_it_works(
+    tmp_path, world, workers, monkeypatch
+):
+    async with open_station(tmp_path, world) as station:
+        survey, faults = station.planning.problems.survey, [StoreUnavailableError("It is gone.")]
+
+        async def failing_once(*asked, **more):
+            if faults:
+                raise faults.pop()
+            return await survey(*asked, **more)
+
+        monkeypatch.setattr(station.planning.problems, "survey", failing_once)
+        plan, _ = await begun(station, world)
+        found = await ended(station, plan.id)
+        assert found.state == "draft"
+        assert found.document[INTERRUPTIONS] == 1
+        assert not faults
+        assert len(workers.problems) == 1
+
+
+async def test_a_search_that_storage_lets_down_again_and_again_is_given_up(
+    tmp_path, world, workers, monkeypatch
+):
+    async with open_station(tmp_path, world) as station:
+
+        async def failing(*_, **__):
+            raise StoreUnavailableError("It is gone.")
+
+        monkeypatch.setattr(station.planning.problems, "survey", failing)
+        plan, _ = await begun(station, world)
+        found = await ended(station, plan.id)
+        assert found.document["message"] == "Its making was interrupted 3 times; plan again."
+        assert workers.problems == []
+
+
 async def test_a_plan_that_the_station_ends_in_again_and_again_is_given_up(
     tmp_path, world, workers
 ):
@@ -61,7 +97,5 @@ async def test_a_plan_that_the_station_ends_in_again_and_again_is_given_up(
     async with open_station(tmp_path, world) as station:
         given_up = await station.plans.get(plan.id)
         assert given_up.state == "failed"
-        assert given_up.document["message"] == (
-            "The station ended 3 times while it made this plan; plan again."
-        )
+        assert given_up.document["message"] == "Its making was interrupted 3 times; plan again."
     assert len(workers.problems) == TAKEN_UP_MAX + 1
