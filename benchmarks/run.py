@@ -72,6 +72,7 @@ AREAS = {
     "large": "benchmarks.station.large",
     "decisions": "benchmarks.station.decisions",
     "backup": "benchmarks.station.backup",
+    "kills": "benchmarks.station.kills",
     "delivery": "benchmarks.station.delivery",
     "replay": "benchmarks.station.replay",
     "replay_page": "benchmarks.station.replay_page",

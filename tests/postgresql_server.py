@@ -6,8 +6,9 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PACKAGED = "/usr/lib/postgresql"
@@ -52,8 +53,15 @@ class PostgresqlServer:
     def kill(self) -> None:
         """Kill the server with all its processes, as a machine does that loses its power."""
         assert self._process is not None
-        os.killpg(self._process.pid, signal.SIGKILL)
+        first = self._process.pid
+        os.kill(first, signal.SIGSTOP)  # so that it starts no further process meanwhile
+        others = Path(f"/proc/{first}/task/{first}/children").read_text().split()
+        for pid in map(int, (*others, first)):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         self._process.wait()
+        while any(_is_alive(pid) for pid in others):  # they hold on to the shared memory
+            time.sleep(0.01)
 
     @contextmanager
     def down(self) -> Generator[None]:
@@ -113,6 +121,14 @@ def postgresql_server() -> Generator[PostgresqlServer | None]:
         if server is not None:
             server.stop()
         shutil.rmtree(folder)
+
+
+def _is_alive(pid: str) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
 
 
 def _somebody() -> str:
