@@ -91,7 +91,8 @@ class Witness:
                 for text in session.scalars(select(LogEntryVersionRow.text))
                 if text.startswith(TITLE)
             )
-            inbox = set(session.execute(select(InboxRow.imei, InboxRow.momsn)).tuples())
+            taken = session.execute(select(InboxRow.imei, InboxRow.momsn))
+            inbox = {(imei, momsn) for imei, momsn in taken}
             return Losses(
                 samples=len(acknowledged),
                 samples_lost=sorted(_not_in(session, acknowledged)),
