@@ -8,15 +8,16 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from autonomy.described import Described
 
-class Configuration(BaseModel):
+
+class Configuration(Described, BaseModel):
     """Base of every tunable model: unknown keys, infinities and later changes are refused."""
 
     model_config = ConfigDict(
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,
-        use_attribute_docstrings=True,
         json_schema_serialization_defaults_required=True,
     )
 

@@ -5,16 +5,16 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
+from autonomy.described import Described
 
-class Result(BaseModel):
+
+class Result(Described, BaseModel):
     """Base of every result: never changed, and described to REST by its docstrings.
 
     It reads what an older version kept: fields that it does not know are passed over.
     """
 
-    model_config = ConfigDict(
-        frozen=True, use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
-    )
+    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
 def known(value: float | None) -> float | None:

@@ -9,6 +9,7 @@ from pydantic import model_validator
 from autonomy.configuration import Configuration, quantity
 from autonomy.control.catalogue import ControllerConfig
 from autonomy.control.trajectory import LINEAR_GLIDE_VELOCITY_NED
+from autonomy.described import Described
 from autonomy.site import Site
 
 ReferenceName = Literal[
@@ -195,7 +196,7 @@ class TrialConfig(Configuration):
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerChoice:
+class ControllerChoice(Described):
     """A controller with its settings, and what it is called in a comparison."""
 
     kind: str

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from pydantic.config import JsonDict
 
 from autonomy.channel import ALARM_LEVELS, AlarmLevel
+from autonomy.described import Described
 from server.alarm.expression import LENGTH_MAX, ExpressionError, compile_expression
 from server.base.text import Title, checked
 
@@ -39,8 +40,8 @@ def filled(text: str, values: dict[str, str]) -> str:
     return _PLACE.sub(lambda found: values[found[1]], text)
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+class _Document(Described, BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class RuleLimit(_Document):

@@ -20,6 +20,7 @@ from urllib.parse import SplitResult, urlsplit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from sqlalchemy.orm import Session
 
+from autonomy.described import Described
 from db.store import Store
 from robot_link.whole_file import keep_names
 
@@ -52,12 +53,10 @@ def secret_fault(error: SecretUnreadableError | OSError) -> str:
     return f"{_named(Path(file))}: {reason}." if isinstance(file, str | Path) else f"{reason}."
 
 
-class GatewayAccount(BaseModel):
+class GatewayAccount(Described, BaseModel):
     """What the station needs to speak with one gateway."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, hide_input_in_errors=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
     url: str = Field(max_length=500)
     """Where messages to robots go: ``https://...``, of DirectIP ``tcp://host:port``."""
@@ -88,12 +87,10 @@ class GatewayAccount(BaseModel):
         return self
 
 
-class CameraAccount(BaseModel):
+class CameraAccount(Described, BaseModel):
     """What a camera in the network asks for before it shows pictures."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, hide_input_in_errors=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
     user: str = Field(max_length=200)
     """Name of the account."""

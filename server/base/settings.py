@@ -18,9 +18,7 @@ LINK_FOLDER = "links"
 class Settings(BaseSettings):
     """Settings of one station; every field is also an environment variable ``GRACE_<FIELD>``."""
 
-    model_config = SettingsConfigDict(
-        env_prefix="GRACE_", extra="ignore", frozen=True, use_attribute_docstrings=True
-    )
+    model_config = SettingsConfigDict(env_prefix="GRACE_", extra="ignore", frozen=True)
 
     data_dir: Path = Field(default_factory=lambda: Path(platformdirs.user_data_dir("grace")))
     """Folder of the database, the log files and the demo's clock."""

@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema
 from typing_extensions import TypeAliasType
 
 from autonomy.channel import ALARM_LEVELS
+from autonomy.described import Described
 
 CURSOR_MAX = 2**63 - 1
 """Largest key of a database."""
@@ -26,22 +27,20 @@ _SCHEMAS: dict[type, CoreSchema] = {}
 _BEING_READ: set[type] = set()
 
 
-class View:
+class View(Described):
     """Lets the docstring below a field become its description in the OpenAPI schema.
 
     A field with a default is always sent, so the schema requires it.
     """
 
     __slots__ = ()
-    __pydantic_config__ = ConfigDict(
-        use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
-    )
+    __pydantic_config__ = ConfigDict(json_schema_serialization_defaults_required=True)
 
     @classmethod
     def __get_pydantic_core_schema__(
         cls, source: type, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Describe a view once; else its source would be parsed anew for each route that has it."""
+        """Describe a view once for all routes that have it."""
         if source not in _SCHEMAS:
             if source in _BEING_READ:
                 return handler(source)
@@ -60,10 +59,10 @@ def encoded(view: object) -> Response:
     return Response(msgspec.json.encode(view), media_type="application/json")
 
 
-class Body(BaseModel):
+class Body(Described, BaseModel):
     """A closed body: an unknown field is an error, so that a typo is not silently ignored."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def one_of(*words: str) -> WithJsonSchema:

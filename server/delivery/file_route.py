@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends
 from fastapi.responses import FileResponse
+from pydantic import Field
 from sqlalchemy.orm import Session
 from typing_extensions import TypedDict
 
@@ -41,11 +42,16 @@ class CheckView(TypedDict):
 
     suite: str
     version: str
-    state: Annotated[str, one_of("passed", "findings", "unchecked")]
-    """``unchecked`` wherever the suite did not come to its end; that is never ``passed``."""
+    state: Annotated[
+        str,
+        one_of("passed", "findings", "unchecked"),
+        Field(
+            description="``unchecked`` wherever the suite did not come to its end; that is never "
+            "``passed``."
+        ),
+    ]
     findings: list[FindingView]
-    message: str
-    """Why it could not be checked."""
+    message: Annotated[str, Field(description="Why it could not be checked.")]
     seconds: float
 
 

@@ -7,6 +7,8 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from autonomy.described import Described
+
 ContactForm = Literal["mail", "ntfy", "webhook", "apprise"]
 TIME_LIMITS: Final = {"cto": "5", "rto": "10"}
 """Seconds in which apprise wants a connection, and between two pieces of an answer."""
@@ -20,10 +22,8 @@ _TOPIC: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _SCHEME: Final = re.compile(r"([a-z][a-z0-9]{1,20})://\S+")
 
 
-class _Secret(BaseModel):
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, hide_input_in_errors=True
-    )
+class _Secret(Described, BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
 
 class MailServer(_Secret):

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from autonomy.configuration import Configuration
+from autonomy.described import Described
 from autonomy.design.document import Design
 
 LatitudeLongitude = tuple[float, float]
@@ -36,7 +37,7 @@ class ReadChoices(Configuration):
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class Refusal(Described):
     """A part of the file that is not taken."""
 
     place: str
@@ -47,7 +48,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class Question(Described):
     """What the file leaves open; its key is a field of ``ReadChoices``."""
 
     key: str
@@ -59,7 +60,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class ReadArea:
+class ReadArea(Described):
     """A polygon of the file."""
 
     number: int

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from autonomy.channel import ChannelCatalogue
+from autonomy.described import Described
 from robot_link.messages import STATE
 from server.recording_file.moment import TimeFormat, has_zone, is_in_milliseconds, kind_of
 from server.recording_file.raw import COLUMNS_MAX, Column, RawRecording, Role
@@ -29,10 +30,10 @@ DDMM: Final = "DDMM.mm"
 _TEXT_MAX: Final = 200
 
 
-class ColumnMapping(BaseModel):
+class ColumnMapping(Described, BaseModel):
     """What one column becomes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(max_length=_TEXT_MAX)
     """As in the file."""
@@ -44,10 +45,10 @@ class ColumnMapping(BaseModel):
     """What its values have."""
 
 
-class Mapping(BaseModel):
+class Mapping(Described, BaseModel):
     """What the columns of a recording become, and what its times mean."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     columns: tuple[ColumnMapping, ...] = Field(max_length=COLUMNS_MAX)
     """Columns that are not named are left out; the report names them."""
