@@ -63,7 +63,6 @@ class Memory:
     plan_report: PlanReport | None
     samples: Sequence[Sample]
     readings: Sequence[Reading]
-    track: Sequence[TrackPoint]
     target_report: TargetReport | None
     current_report: CurrentReport | None = None
     actuator_report: ActuatorReport | None = None
@@ -116,7 +115,6 @@ class Fleet:
         if state is not None:
             water = status.record.site
             status.remembered = remembered_link(state, radio_under_water=water.radio_under_water)
-        self.draw_track(robot, memory.track)
 
     def set_deployment(
         self, robot: str, deployment: DeploymentRecord | None, ashore_since: datetime
@@ -153,6 +151,13 @@ class Fleet:
     def draw_track(self, robot: str, points: Iterable[TrackPoint]) -> None:
         """Draw the track of a robot anew."""
         self._statuses[robot].track.replace(
+            (point.position_ned, point.position_std_m, point.mode) for point in points
+        )
+        self._bus.publish(TrackGrew(robot))
+
+    def draw_earlier_track(self, robot: str, points: Iterable[TrackPoint]) -> None:
+        """Draw what lies before the points that came since the station started."""
+        self._statuses[robot].track.begin_with(
             (point.position_ned, point.position_std_m, point.mode) for point in points
         )
         self._bus.publish(TrackGrew(robot))

@@ -54,3 +54,4 @@ def install(foundation: Foundation) -> None:
     bus.subscribe(SettingsChanged, roster.settings_changed)
     bus.subscribe(WaterChanged, roster.water_changed)
     foundation.lifetime.on_load(load)
+    foundation.lifetime.run("tracks of the past", roster.draw_tracks)

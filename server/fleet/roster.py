@@ -1,6 +1,7 @@
 """Takes up robots as the database knows them: at the start, and when somebody changed one."""
 
 import logging
+from dataclasses import dataclass
 from datetime import datetime
 
 from sqlalchemy.orm import Session
@@ -35,17 +36,42 @@ _OF_A_ROBOT = ("deployment.", "robot.")
 _SETTINGS = ("planner", "field")
 
 
+@dataclass(frozen=True, slots=True)
+class _Undrawn:
+    """The track of a robot from the begin of its deployment to where it was at the start."""
+
+    robot: str
+    since: datetime
+    until: datetime
+
+
 class Roster:
     """Keeps the fleet as the database has it. Belongs to one event loop."""
 
     def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
         self._foundation = foundation
         self._fleet = fleet
+        self._undrawn: list[_Undrawn] = []
 
     async def load(self) -> None:
-        """Take up every robot, with what it said last."""
+        """Take up every robot, with what it said last; ``draw_tracks`` draws where it was."""
         for robot in await self._foundation.store.query(list_robots):
-            await self._take_up(robot)
+            await self._take_up(robot, draws=False)
+
+    async def draw_tracks(self) -> None:
+        """Draw where each robot was before the station started, while others use the station."""
+        while self._undrawn:
+            one = self._undrawn[0]
+            try:
+                points = await self._foundation.store.query(
+                    lambda session, one=one: _track(session, one.robot, one.since, one.until)
+                )
+            except StoreError as error:
+                log.warning("the track of %s was not drawn: %s", one.robot, error)
+                points = []
+            if one in self._undrawn:
+                self._undrawn.remove(one)
+                self._fleet.draw_earlier_track(one.robot, points)
 
     async def refresh(self, robot: str) -> None:
         """Take up a robot that was added or changed, or whose settings were.
@@ -85,7 +111,7 @@ class Roster:
         except StoreError as error:
             log.warning("%s was not taken up anew: %s", robot, error)
 
-    async def _take_up(self, robot: RobotRecord) -> None:
+    async def _take_up(self, robot: RobotRecord, *, draws: bool = True) -> None:
         found = await self._foundation.configurations.current("planner", robot.id)
         status = self._fleet.add(robot, found.value_as(PlannerConfig).fidelity_thresholds_m)
         deployment, since = await self._foundation.store.query(
@@ -94,12 +120,15 @@ class Roster:
         is_other = self._fleet.set_deployment(robot.id, deployment, since)
         if status.state is None:
             memory = await self._foundation.store.query(
-                lambda session: _memory(
-                    session, robot.id, since, self._foundation.channels.catalogue
-                )
+                lambda session: _memory(session, robot.id, self._foundation.channels.catalogue)
             )
             self._fleet.remember(robot.id, memory)
-        elif is_other:
+            if not draws and memory.state is not None:
+                self._undrawn.append(_Undrawn(robot.id, since, memory.state.measured_at))
+        elif not is_other:
+            return
+        if draws:
+            self._undrawn = [one for one in self._undrawn if one.robot != robot.id]
             points = await self._foundation.store.query(
                 lambda session: _track(session, robot.id, since)
             )
@@ -115,11 +144,13 @@ def _deployment(session: Session, robot: RobotRecord) -> tuple[DeploymentRecord 
     return None, robot.created_at if span is None else span.ended_at or span.started_at
 
 
-def _track(session: Session, robot: str, since: datetime | None) -> list[TrackPoint]:
-    return stored_track(session, robot, since, max_points=_TRACK_POINTS).points
+def _track(
+    session: Session, robot: str, since: datetime, until: datetime | None = None
+) -> list[TrackPoint]:
+    return stored_track(session, robot, since, until, max_points=_TRACK_POINTS).points
 
 
-def _memory(session: Session, robot: str, since: datetime, channels: ChannelCatalogue) -> Memory:
+def _memory(session: Session, robot: str, channels: ChannelCatalogue) -> Memory:
     return Memory(
         state=newest_state(session, robot),
         plan_report=newest_plan_report(session, robot),
@@ -135,7 +166,6 @@ def _memory(session: Session, robot: str, since: datetime, channels: ChannelCata
             if reading.channel in channels
             and channels[reading.channel].fault(reading.value) is None
         ],
-        track=_track(session, robot, since),
         target_report=newest_target_report(session, robot),
         current_report=newest_current_report(session, robot),
         actuator_report=newest_actuator_report(session, robot),

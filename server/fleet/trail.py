@@ -41,9 +41,12 @@ class Track:
 
     def add(self, position_ned: PositionNed, position_std_m: float, mode: RobotMode | None) -> bool:
         """Append a point unless it lies closer than the spacing to the last one; tell whether."""
+        return self._append(position_ned, position_std_m, mode in DRIFT_MODES)
+
+    def _append(self, position_ned: PositionNed, position_std_m: float, is_adrift: bool) -> bool:
         if self._points and math.dist(self._points[-1][:3], position_ned) < self._spacing_m:
             return False
-        self._points.append((*position_ned, position_std_m, mode in DRIFT_MODES))
+        self._points.append((*position_ned, position_std_m, is_adrift))
         if len(self._points) > POINTS_MAX:
             self._points = self._points[::2]
             self._spacing_m *= 2.0
@@ -56,6 +59,13 @@ class Track:
         self._generation += 1
         for position_ned, position_std_m, mode in points:
             self.add(position_ned, position_std_m, mode)
+
+    def begin_with(self, points: Iterable[tuple[PositionNed, float, RobotMode | None]]) -> None:
+        """Put earlier positions before those that there are."""
+        later = self._points
+        self.replace(points)
+        for north, east, down, position_std_m, is_adrift in later:
+            self._append((north, east, down), position_std_m, is_adrift)
 
     def set_thresholds(self, thresholds_m: Sequence[float]) -> None:
         """Assign all points anew to fidelity levels."""
