@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
+# Without these files every process would compile the product's source anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo test walks check bench reproduce manual-pictures wheel client client-wheel setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:

@@ -7,13 +7,12 @@ from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
-from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, make_url
 from sqlalchemy.exc import DBAPIError
 
 from db.engine import check_url, opening_sentence, read_engine
 from db.fault import StoreUnavailableError
-from db.migrate import METADATA, configuration, schema_version
+from db.migrate import METADATA, revisions, schema_version
 
 _COMPLAINTS_MAX = 20
 _STEP_PAGES = 2048
@@ -107,12 +106,12 @@ def _schema_complaints(url: str) -> list[str]:
         raise StoreUnavailableError(opening_sentence(error)) from error
     finally:
         engine.dispose()
-    scripts = ScriptDirectory.from_config(configuration())
+    known = revisions()
     if present is None:
         return ["It holds nothing of a station."]
-    if present not in {script.revision for script in scripts.walk_revisions()}:
+    if present not in known:
         return [f"It has schema {present}, which this version of the station does not know."]
-    if present != scripts.get_current_head():
+    if present != known[-1]:
         return []
     return [f"The table {name} is missing." for name in sorted(set(METADATA.tables) - tables)]
 

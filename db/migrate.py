@@ -1,12 +1,11 @@
 """Brings a database to the schema that this version of the station knows."""
 
-from importlib.resources import files
+from __future__ import annotations
 
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, Engine
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from sqlalchemy import Connection, Engine, inspect, text
 
 from db import (
     camera_tables,
@@ -34,6 +33,9 @@ from db import (
     water_tables,
 )
 from db.engine import READING
+
+if TYPE_CHECKING:
+    from alembic.config import Config
 
 _TABLE_MODULES = (
     tables,
@@ -71,6 +73,8 @@ class NewerSchemaError(Exception):
 
 def configuration(connection: Connection | None = None) -> Config:
     """Return Alembic's configuration; a connection given here is the one it will use."""
+    from alembic.config import Config
+
     config = Config()
     config.set_main_option("script_location", str(files("db") / "migrations"))
     config.attributes["connection"] = connection
@@ -79,20 +83,30 @@ def configuration(connection: Connection | None = None) -> Config:
 
 def schema_version(connection: Connection) -> str | None:
     """Return the revision of a database, or ``None`` before its first migration."""
-    return MigrationContext.configure(connection).get_current_revision()
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    return connection.scalar(text("SELECT version_num FROM alembic_version"))
+
+
+def revisions() -> list[str]:
+    """Return every revision that this version knows, the newest last.
+
+    The names of the migrations begin with it: a start that has nothing to migrate loads none.
+    """
+    names = (entry.name for entry in (files("db") / "migrations" / "versions").iterdir())
+    return sorted(name.partition("_")[0] for name in names if name[:1].isdigit())
 
 
 def migrate(engine: Engine) -> None:
     """Apply every migration that the database lacks, all in one transaction.
 
     One that lacks none is only read: whoever opens it beside a running station, as each verb of the
-    command line does, must not hold its write lock while Alembic reads the migrations.
+    command line does, must not hold its write lock, and need not wait for Alembic.
 
     Raises:
         NewerSchemaError: If the database is of a version that this station does not know.
     """
-    scripts = ScriptDirectory.from_config(configuration())
-    known = {script.revision for script in scripts.walk_revisions()}
+    known = revisions()
     with engine.connect().execution_options(**READING) as connection:
         present = schema_version(connection)
     if present is not None and present not in known:
@@ -100,6 +114,8 @@ def migrate(engine: Engine) -> None:
             f"The database has schema {present}, which this version does not know; "
             "start the newer version of the station, or use another data folder."
         )
-    if present != scripts.get_current_head():
+    if present != known[-1]:
+        from alembic import command
+
         with engine.begin() as connection:
             command.upgrade(configuration(connection), "head")

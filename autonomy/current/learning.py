@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.optimize import minimize
 
 from autonomy.arrays import FloatArray
 from autonomy.current.config import CurrentMapConfig
@@ -69,6 +68,8 @@ def learn(
     if not evidence.places or not observations:
         return config
     components = _Components(evidence)
+    from scipy.optimize import minimize  # here: a station that starts need not wait for it
+
     found = minimize(
         components.cost,
         np.zeros(len(evidence.places)),

@@ -20,7 +20,6 @@ from enum import IntEnum
 from typing import Any, Self
 
 import numpy as np
-from scipy.special import stdtrit
 
 from autonomy.arrays import FloatArray
 
@@ -145,6 +144,8 @@ class EnergyUse:
             hours: In each use, shape ``(5,)``.
             pieces: In how many flights that scatter by themselves it is parted.
         """
+        from scipy.special import stdtrit  # here: a station that starts need not wait for it
+
         mean = max(0.0, float(hours @ self.power_w))
         scatter = (self.scatter * float(hours @ self.prior_w)) ** 2 / max(pieces, 1.0)
         total = max(float(hours @ self.covariance_w2 @ hours), 0.0) + scatter

@@ -7,7 +7,6 @@ import math
 from typing import cast
 
 import numpy as np
-from scipy.optimize import brentq
 
 from autonomy.vehicle.config import ActuatorLimits, Vehicle, VehicleParameters
 from autonomy.vehicle.reference.dynamics import hydrodynamic_wrench
@@ -32,6 +31,8 @@ def angle_of_attack(parameters: VehicleParameters, glide_angle_rad: float) -> fl
     Raises:
         NoSteadyGlideError: If the path is flatter than the vehicle can glide.
     """
+    from scipy.optimize import brentq  # here: a station that starts need not wait for it
+
     p = parameters
     cot = 1.0 / math.tan(glide_angle_rad)
 

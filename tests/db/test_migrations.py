@@ -2,6 +2,7 @@ import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import insert, text
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.orm import Session
@@ -11,7 +12,7 @@ from autonomy.site import LAKE
 from db.column import microseconds, moment
 from db.engine import is_sqlite, write_engine
 from db.ingest import append_telemetry
-from db.migrate import NewerSchemaError, configuration, migrate, schema_version
+from db.migrate import NewerSchemaError, configuration, migrate, revisions, schema_version
 from db.query.fleet.deployments import list_deployments
 from db.query.fleet.robots import list_robots
 from db.query.fleet.vehicles import list_vehicles
@@ -32,6 +33,11 @@ def test_migrations_lead_to_the_tables_that_the_code_knows(url):
     with engine.connect() as connection:
         assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
     engine.dispose()
+
+
+def test_names_of_migrations_tell_their_revisions_in_order():
+    walked = ScriptDirectory.from_config(configuration()).walk_revisions()
+    assert revisions() == [script.revision for script in walked][::-1]
 
 
 def test_migrating_twice_changes_nothing(url):

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
-from scipy.optimize import minimize_scalar
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
@@ -57,6 +56,8 @@ def cross_validated_noise(
         if len(left_over.values):
             total += _lost(tried, learned_from, left_over)
         return total
+
+    from scipy.optimize import minimize_scalar  # here: a station that starts need not wait for it
 
     found = minimize_scalar(
         lost,

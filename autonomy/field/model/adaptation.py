@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
-from scipy.optimize import minimize
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import KernelParameters
@@ -83,6 +82,8 @@ def adapted(
         return 0.5 * held_back - density
 
     corners = _FIRST_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    from scipy.optimize import minimize  # here: a station that starts need not wait for it
+
     found = minimize(
         lost,
         np.zeros(2),

@@ -1,7 +1,6 @@
 """The covariance functions of every field model, with one length scale per axis."""
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters, KernelShape
@@ -33,7 +32,7 @@ def covariance(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> Fl
         ``d`` squared) it would be constant.
     """
     length_scales = np.array(parameters.length_scales_m())
-    distance = np.asarray(cdist(a / length_scales, b / length_scales), dtype=np.float64)  # (n, m)
+    distance = _distances(a / length_scales, b / length_scales)
     result = _correlation(distance, parameters.shape)
     result *= parameters.signal_variance
     return result
@@ -133,7 +132,14 @@ def _horizontal_offset(
     a, b = a / length_scales, b / length_scales
     north = np.subtract.outer(a[:, 0], b[:, 0])
     east = np.subtract.outer(a[:, 1], b[:, 1])
-    return (north, east), np.asarray(cdist(a, b), dtype=np.float64)
+    return (north, east), _distances(a, b)
+
+
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the distance of each of n points from each of m, shape ``(n, m)``."""
+    from scipy.spatial.distance import cdist  # here: a station that starts need not wait for it
+
+    return np.asarray(cdist(a, b), dtype=np.float64)
 
 
 def _radial_derivatives(

@@ -8,9 +8,6 @@ from typing import Any, Final
 from urllib.parse import urlencode
 
 import httpx
-from joserfc import jwt
-from joserfc.errors import JoseError
-from joserfc.jwk import KeySet
 
 from server.base.problem import Problem
 
@@ -112,6 +109,10 @@ class Provider:
     def _proved(
         self, id_token: str, keys: Mapping[str, Any], pending: Pending
     ) -> Mapping[str, Any]:
+        from joserfc import jwt  # here: most stations have no provider
+        from joserfc.errors import JoseError
+        from joserfc.jwk import KeySet
+
         try:
             known = KeySet.import_key_set({"keys": keys["keys"]})
             token = jwt.decode(id_token, known, algorithms=_ALGORITHMS)
