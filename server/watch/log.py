@@ -92,7 +92,7 @@ class _Files(logging.handlers.RotatingFileHandler):
         return stream
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line of a record, made once: the base class asks twice, also if it fits."""
+        """Return the line of a record, made once: the base class asks twice, also for its size."""
         if self._newest is None or self._newest[0] is not record:
             self._newest = record, super().format(record)
         return self._newest[1]
