@@ -1,6 +1,6 @@
 import * as L from 'leaflet';
 import type { Ned } from '../api/types';
-import { uncovered } from './uncovered';
+import { uncovered, type Box } from './uncovered';
 
 export interface MapRobot {
   id: string;
@@ -18,10 +18,25 @@ interface Mark {
   circle: L.Circle;
 }
 
+/** Where a name stands, on which side of its robot. */
+interface NamePlace extends Box {
+  side: 'right' | 'left' | 'bottom' | 'top';
+}
+
 /** Between a robot and its name, px. */
 const NAME_GAP_PX = 12;
-/** What a tooltip keeps from an arrow that ours has not, and from the edge, px. */
-const EDGE_PX = 8;
+/** The same with what Leaflet keeps for an arrow of tooltips. */
+const FULL_GAP_PX = NAME_GAP_PX + 6;
+/** Of the arrow of a robot, as far as names keep from it, px. */
+const MARK_PX = 18;
+/** What a name keeps from the edge, px. */
+const EDGE_PX = 2;
+const OFFSETS = {
+  right: L.point(NAME_GAP_PX, 0),
+  left: L.point(-NAME_GAP_PX, 0),
+  bottom: L.point(0, NAME_GAP_PX),
+  top: L.point(0, -NAME_GAP_PX),
+};
 const SVG = 'http://www.w3.org/2000/svg';
 
 /** The robots of a site: where each is and points, and how surely. */
@@ -50,39 +65,49 @@ export class SiteRobots {
     this.turnNames();
   }
 
-  /** A name that would be cut at the right edge stands on the left of its robot. */
+  /**
+   * A name stands where it covers no mark and no other name and is not cut: on the right of its
+   * robot, or else on another side. Where no side is free it is hidden until one zooms in.
+   */
   turnNames(): void {
-    const width = this.#map.getSize().x;
-    for (const { marker } of this.#marks.values()) {
+    const marks = [...this.#marks.values()].map(({ marker }) => {
+      const { x, y } = this.#map.latLngToContainerPoint(marker.getLatLng());
+      return { left: x - MARK_PX / 2, top: y - MARK_PX / 2, width: MARK_PX, height: MARK_PX };
+    });
+    const names = [...this.#marks.values()].flatMap(({ marker }) => {
       const tooltip = marker.getTooltip();
       const element = tooltip?.getElement();
-      if (!tooltip || !element) continue;
-      const { x } = this.#map.latLngToContainerPoint(marker.getLatLng());
-      const isCut = x + NAME_GAP_PX + this.#sizeOf(element).width + EDGE_PX > width;
-      const direction = isCut ? 'left' : 'right';
-      if (tooltip.options.direction === direction) continue;
-      tooltip.options.direction = direction;
-      tooltip.options.offset = L.point(isCut ? -NAME_GAP_PX : NAME_GAP_PX, 0);
+      return tooltip && element
+        ? [{ tooltip, element, places: this.#places(marker, element) }]
+        : [];
+    });
+    const placed = uncovered(
+      names.map(({ places }) => places),
+      marks,
+    );
+    for (const [at, { tooltip, element }] of names.entries()) {
+      const place = placed[at];
+      element.classList.toggle('map-name-covered', !place);
+      if (!place || tooltip.options.direction === place.side) continue;
+      tooltip.options.direction = place.side;
+      tooltip.options.offset = OFFSETS[place.side];
       tooltip.update();
     }
-    this.#hideCovered();
   }
 
-  /** Of names that would cover one another the first stands; a robot's mark is always drawn. */
-  #hideCovered(): void {
-    const names = [...this.#marks.values()].flatMap(({ marker }) => {
-      const element = marker.getTooltip()?.getElement();
-      if (!element) return [];
-      const { x, y } = this.#map.latLngToContainerPoint(marker.getLatLng());
-      const isLeft = marker.getTooltip()?.options.direction === 'left';
-      const { width, height } = this.#sizeOf(element);
-      const left = isLeft ? x - NAME_GAP_PX - width : x + NAME_GAP_PX;
-      return [{ element, box: { left, top: y - height / 2, width, height } }];
-    });
-    const shown = uncovered(names.map(({ box }) => box));
-    for (const [at, { element }] of names.entries()) {
-      element.classList.toggle('map-name-covered', !shown[at]);
-    }
+  /** Where a name can stand beside its robot without being cut, the best place first. */
+  #places(marker: L.Marker, element: HTMLElement): NamePlace[] {
+    const { x, y } = this.#map.latLngToContainerPoint(marker.getLatLng());
+    const { width, height } = this.#sizeOf(element);
+    const [beside, middle] = [y - height / 2, x - width / 2];
+    const places: NamePlace[] = [
+      { side: 'right', left: x + FULL_GAP_PX, top: beside, width, height },
+      { side: 'left', left: x - FULL_GAP_PX - width, top: beside, width, height },
+      { side: 'bottom', left: middle, top: y + FULL_GAP_PX, width, height },
+      { side: 'top', left: middle, top: y - FULL_GAP_PX - height, width, height },
+    ];
+    const right = this.#map.getSize().x - EDGE_PX;
+    return places.filter((place) => place.left >= EDGE_PX && place.left + width <= right);
   }
 
   /** A name keeps its size; asking for it each time would lay the page out anew. */
@@ -117,7 +142,7 @@ export class SiteRobots {
     marker.bindTooltip(robot.name, {
       permanent: true,
       direction: 'right',
-      offset: [NAME_GAP_PX, 0],
+      offset: OFFSETS.right,
       className: 'map-name',
     });
     const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });

@@ -6,13 +6,19 @@ export interface Box {
   height: number;
 }
 
-/** Which boxes can be shown so that none covers another; an earlier one goes before. */
-export function uncovered(boxes: readonly Box[]): boolean[] {
-  const kept: Box[] = [];
-  return boxes.map((box) => {
-    if (kept.some((other) => overlap(box, other))) return false;
-    kept.push(box);
-    return true;
+/**
+ * Which of its places each thing takes so that none covers another, or what is drawn already: the
+ * first that is free, an earlier thing before a later one; null where none is free.
+ */
+export function uncovered<Place extends Box>(
+  things: readonly (readonly Place[])[],
+  drawn: readonly Box[] = [],
+): (Place | null)[] {
+  const kept: Box[] = [...drawn];
+  return things.map((places) => {
+    const free = places.find((place) => !kept.some((other) => overlap(place, other)));
+    if (free) kept.push(free);
+    return free ?? null;
   });
 }
 

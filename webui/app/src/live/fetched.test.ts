@@ -118,6 +118,8 @@ describe('a job', () => {
     api.job.mockRejectedValue(new Problem(404, 'Unknown', 'There is no job-1.'));
     tell({}, true);
     await vi.waitFor(() => expect(onend).toHaveBeenCalledWith(null));
+    expect(watch.isRunning).toBe(false);
+    expect(watch.refusal).toContain('The station was started again meanwhile');
   });
 });
 

@@ -4,6 +4,8 @@ import type { Station } from './station.svelte';
 
 /** A station that was started again knows no job from before. */
 const GONE = 404;
+const ENDED_WITH_STATION =
+  'The station was started again meanwhile, and this work ended with it. Begin it again.';
 
 /** One job of the station, followed until it has ended or is forgotten. */
 export class JobWatch {
@@ -64,9 +66,11 @@ export class JobWatch {
       if (isAwaited()) this.#take(job);
     } catch (error) {
       if (!isAwaited()) return;
-      this.refusal = sentence(error);
-      if (error instanceof Problem && error.status === GONE) {
+      const isGone = error instanceof Problem && error.status === GONE;
+      this.refusal = isGone && this.isRunning ? ENDED_WITH_STATION : sentence(error);
+      if (isGone) {
         this.#end();
+        this.job = null;
         this.#onend(null);
       }
     }
