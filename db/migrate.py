@@ -97,6 +97,16 @@ def revisions() -> list[str]:
     return sorted(name.partition("_")[0] for name in names if name[:1].isdigit())
 
 
+def needs_migration(engine: Engine) -> bool:
+    """Tell whether a database that is there lacks migrations of this version.
+
+    Raises:
+        NewerSchemaError: If the database is of a version that this station does not know.
+    """
+    present, newest = _present(engine)
+    return present is not None and present != newest
+
+
 def migrate(engine: Engine) -> None:
     """Apply every migration that the database lacks, all in one transaction.
 
@@ -106,6 +116,16 @@ def migrate(engine: Engine) -> None:
     Raises:
         NewerSchemaError: If the database is of a version that this station does not know.
     """
+    present, newest = _present(engine)
+    if present != newest:
+        from alembic import command
+
+        with engine.begin() as connection:
+            command.upgrade(configuration(connection), "head")
+
+
+def _present(engine: Engine) -> tuple[str | None, str]:
+    """Return the revision of a database, and that of this version."""
     known = revisions()
     with engine.connect().execution_options(**READING) as connection:
         present = schema_version(connection)
@@ -114,8 +134,4 @@ def migrate(engine: Engine) -> None:
             f"The database has schema {present}, which this version does not know; "
             "start the newer version of the station, or use another data folder."
         )
-    if present != known[-1]:
-        from alembic import command
-
-        with engine.begin() as connection:
-            command.upgrade(configuration(connection), "head")
+    return present, known[-1]

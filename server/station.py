@@ -5,6 +5,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
+from robot_link.transport.shelf import Shelf
 from server.access import install as access
 from server.access.access import Access
 from server.alarm import install as alarm
@@ -123,11 +124,12 @@ class Station:
         foundation: Foundation,
         make_link: LinkFactory = open_link,
         make_gateways: GatewayFactory = Gateways,
+        shelf: Shelf | None = None,
     ) -> None:
         self._lifetime = foundation.lifetime
         for first in (system, backup, demo, base_map, vehicle, water, camera, fleet, deployment):
             first.install(foundation)
-        link.install(foundation, make_link)
+        link.install(foundation, make_link, shelf or Shelf())
         satellite.install(foundation, make_gateways)
         for later in CAPABILITIES[CAPABILITIES.index(lease) :]:
             later.install(foundation)

@@ -51,6 +51,10 @@ class RobotRadio:
             self.is_enabled = is_enabled
             self._events.put_nowait(PortChanged(is_enabled, "" if is_enabled else DISABLED))
 
+    async def let_go(self) -> None:
+        """Cut the radio off for good."""
+        self.set_enabled(False)
+
     async def run(self) -> None:
         """Serve until cancelled."""
         await asyncio.get_running_loop().create_future()

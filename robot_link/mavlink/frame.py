@@ -64,6 +64,11 @@ class MavlinkFrameReader:
         """
         return self._frames(is_end=True)
 
+    @property
+    def unfinished(self) -> bytes:
+        """The beginning of a frame whose end has not come."""
+        return bytes(self._buffer)
+
     def take_dropped(self) -> bytes:
         """Return the first bytes that were dropped since the last call."""
         dropped = bytes(self._dropped)

@@ -221,6 +221,10 @@ class StationLink:
         reached = [one for one in self._roster if one.peer.path_on(transport) is not None]
         return list(dict.fromkeys(one.codec for one in reached)) or [self._codec]
 
+    async def let_go(self) -> None:
+        """Give up every radio for good, and return once all that was heard has been told."""
+        await asyncio.gather(*(one.let_go() for one in self._transports.values()))
+
     async def upload(
         self, robot: RobotId, mission: Mission, *, may_wait: bool = False
     ) -> UploadReport:

@@ -133,6 +133,10 @@ class DatagramTransport(Protocol):
         """Enable the port, or disable it, which closes it and keeps it closed."""
         ...
 
+    async def let_go(self) -> None:
+        """Give the port up for good, and return once what it brought was taken."""
+        ...
+
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""
         ...

@@ -6,9 +6,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from typing import Any
 
 from robot_link.transport.datagram import PortChanged, TransportEvent
+from robot_link.transport.shelf import Place
 
 DISABLED = "unplugged by the operator"
 """Reason that a port gives while it is disabled."""
+
+HANDED_OVER = "handed over to another process"
+"""Reason that a port gives when it is let go."""
 
 _log = logging.getLogger(__name__)
 
@@ -37,6 +41,9 @@ class PortKeeper:
         self._in.set()
         self._out = asyncio.Event()
         self._has_opened = False
+        self._why_not = DISABLED
+        self._is_closed = asyncio.Event()
+        self._is_closed.set()
 
     @property
     def is_enabled(self) -> bool:
@@ -68,7 +75,7 @@ class PortKeeper:
         told = ""
         while True:
             self._has_opened = False
-            reason = await self._serve_while_enabled() if self.is_enabled else DISABLED
+            reason = await self._serve_while_enabled() if self.is_enabled else self._why_not
             if reason != told or self._has_opened:
                 _log.warning("%s port closed: %s", self._name, reason)
                 self.bring(PortChanged(is_open=False, reason=reason))
@@ -78,13 +85,23 @@ class PortKeeper:
             else:
                 await self._in.wait()
 
+    async def let_go(self) -> None:
+        """Give the port up for good, and return once what it brought was taken."""
+        self._why_not = HANDED_OVER
+        self.set_enabled(False)
+        await self._is_closed.wait()
+        # Whoever takes an event has dealt with it before anybody else runs.
+        while not self._events.empty():  # noqa: ASYNC110 - it waits for one round of the loop
+            await asyncio.sleep(0)
+
     async def _serve_while_enabled(self) -> str:
+        self._is_closed.clear()
         serving = asyncio.ensure_future(self._serve())
         pulled = asyncio.create_task(self._out.wait(), name=f"{self._name} disabled")
         try:
             await asyncio.wait((serving, pulled), return_when=asyncio.FIRST_COMPLETED)
             if not serving.done():
-                return DISABLED
+                return self._why_not
             if (fault := serving.exception()) is None:
                 return serving.result()
             _log.error("%s port: a fault of this program", self._name, exc_info=fault)
@@ -93,6 +110,7 @@ class PortKeeper:
             serving.cancel()
             pulled.cancel()
             await asyncio.gather(serving, pulled, return_exceptions=True)
+            self._is_closed.set()
 
     async def _sleep(self) -> None:
         """Wait before the next attempt, not while the port is disabled."""
@@ -111,6 +129,8 @@ class KeptTransport:
         self._keeper = PortKeeper(name, serve, reopen_s)
         self.is_mute = False
         """Whether the port could be opened, but what is at its end does not answer."""
+        self.place = Place()
+        """Where the line comes from and goes to."""
 
     @property
     def is_enabled(self) -> bool:
@@ -120,6 +140,10 @@ class KeptTransport:
     def set_enabled(self, is_enabled: bool) -> None:
         """Enable the port, or disable it, which closes it."""
         self._keeper.set_enabled(is_enabled)
+
+    async def let_go(self) -> None:
+        """Give the port up for good, and return once what it brought was taken."""
+        await self._keeper.let_go()
 
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""

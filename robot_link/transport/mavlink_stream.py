@@ -92,7 +92,7 @@ class MavlinkStream(KeptTransport):
     async def _serve(self) -> str:
         """Serve one opening of the port; return why it ended."""
         try:
-            self._port = await self._open_port()
+            self._port = await self.place.open(self._open_port)
         except OSError as error:
             return str(error) or type(error).__name__
         self._stuck.clear()
@@ -105,7 +105,7 @@ class MavlinkStream(KeptTransport):
             )
         finally:
             self.max_payload = 0
-            self._port.close()
+            self.place.close(self._port)
             self._port = None
 
     async def _watch(self) -> str:
@@ -120,6 +120,13 @@ class MavlinkStream(KeptTransport):
             return await read_frames(port, self._timing.quiet_s, hear, self._keeper.bring)
         except OSError as error:
             return str(error)
+
+
+async def give_back(port: Port, unfinished: bytes, reading: asyncio.Future[bytes]) -> None:
+    """End a read, and give back to the port what nobody has made whole frames of."""
+    reading.cancel()
+    (last,) = await asyncio.gather(reading, return_exceptions=True)
+    port.unread(unfinished + (last if isinstance(last, bytes) else b""))
 
 
 async def read_frames(
@@ -154,5 +161,4 @@ async def read_frames(
             if done:
                 next_bytes = asyncio.ensure_future(port.read())
     finally:
-        next_bytes.cancel()
-        await asyncio.gather(next_bytes, return_exceptions=True)
+        await give_back(port, frames.unfinished, next_bytes)

@@ -11,20 +11,27 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Protocol
 
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.serial_line import serial_line
+from robot_link.transport.shelf import Place, Shelf
 from robot_link.transport.tcp import tcp_link
 from robot_link.transport.udp import udp_link
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee import xbee_radio
 
-_OPENERS: Final[Mapping[str, Callable[[LinkUri], DatagramTransport]]] = MappingProxyType(
+_OPENERS: Final[Mapping[str, Callable[[LinkUri], "PlacedTransport"]]] = MappingProxyType(
     {"xbee": xbee_radio, "serial": serial_line, "udp": udp_link, "tcp": tcp_link}
 )
 RADIO_SCHEMES: Final = tuple(_OPENERS)
 """Kinds of link that carry MAVLink."""
+
+
+class PlacedTransport(DatagramTransport, Protocol):
+    """A transport whose line may come from a shelf, and be left there."""
+
+    place: Place
 
 
 def is_radio(uri: str) -> bool:
@@ -32,8 +39,12 @@ def is_radio(uri: str) -> bool:
     return uri.partition(":")[0] in RADIO_SCHEMES
 
 
-def open_transport(uri: str) -> DatagramTransport:
+def open_transport(uri: str, shelf: Shelf | None = None) -> DatagramTransport:
     """Return the transport that a URI names; ``run`` opens it. Each kind's file says more.
+
+    Args:
+        uri: The link.
+        shelf: Where its line may be open already, and where it is left when it is let go.
 
     Raises:
         ValueError: If the URI names no transport; the message says what is wrong with it.
@@ -43,4 +54,6 @@ def open_transport(uri: str) -> DatagramTransport:
     if opener is None:
         known = ", ".join(RADIO_SCHEMES)
         link.refuse(f"unknown kind of link {link.scheme!r}; known are {known}")
-    return opener(link)
+    transport = opener(link)
+    transport.place = Place(uri, shelf)
+    return transport

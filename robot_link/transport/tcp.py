@@ -16,7 +16,6 @@ from functools import partial
 
 from robot_link.transport.datagram import (
     Address,
-    DatagramTransport,
     Delivery,
     Fate,
     PortClosedError,
@@ -33,7 +32,7 @@ _CALLERS = 4
 """Callers at once; another takes the place of the one that is there longest and not believed."""
 
 
-def tcp_link(uri: LinkUri) -> DatagramTransport:
+def tcp_link(uri: LinkUri) -> "TcpListener | MavlinkStream":
     """Return the transport of a TCP connection.
 
     Raises:

@@ -112,11 +112,13 @@ class UdpTransport(KeptTransport):
         loop = asyncio.get_running_loop()
         closed: asyncio.Future[str] = loop.create_future()
         where = (self._host, self._port)
+        kept, heard = await self.place.take_socket()
         try:
             self._socket, _ = await loop.create_datagram_endpoint(
                 lambda: _Ear(self, closed),
-                local_addr=where if self._listens else None,
-                remote_addr=None if self._listens else where,
+                local_addr=where if self._listens and kept is None else None,
+                remote_addr=None if self._listens or kept is not None else where,
+                sock=kept,
             )
         except socket.gaierror as error:
             return f"{self._host} has no address: {error.strerror}"
@@ -124,10 +126,13 @@ class UdpTransport(KeptTransport):
             return str(error)
         self.max_payload = _PACKET_BYTES
         self._keeper.opened()
+        for data, sender in heard:
+            self.hear(data, sender or where)
         try:
             return await closed
         finally:
             self.max_payload = 0
+            self.place.keep_socket(self._socket.get_extra_info("socket"))
             self._socket.abort()
             self._socket = None
 

@@ -30,6 +30,7 @@ from robot_link.transport.datagram import (
     Received,
 )
 from robot_link.transport.keeper import KeptTransport, first_to_end
+from robot_link.transport.mavlink_stream import give_back
 from robot_link.transport.port import Port, SerialPort, TcpPort
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
@@ -168,7 +169,7 @@ class XBeeTransport(KeptTransport):
     async def _serve(self) -> str:
         """Serve one opening of the port; return why it ended."""
         try:
-            self._port = await self._open_port()
+            self._port = await self.place.open(self._open_port)
         except OSError as error:
             self.is_mute = False
             return str(error)
@@ -183,7 +184,7 @@ class XBeeTransport(KeptTransport):
         self.max_payload = 0
         self.address = None
         if self._port is not None:
-            self._port.close()
+            self.place.close(self._port)
             self._port = None
         for frame_id in list(self._sent):
             self._settle(frame_id, Delivery(Fate.UNKNOWN, detail="the port closed"))
@@ -208,8 +209,7 @@ class XBeeTransport(KeptTransport):
         except OSError as error:
             return str(error)
         finally:
-            next_bytes.cancel()
-            await asyncio.gather(next_bytes, return_exceptions=True)
+            await give_back(port, reader.unfinished, next_bytes)
 
     def _handle(self, frame: Frame | None) -> None:
         match frame:

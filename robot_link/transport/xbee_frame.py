@@ -193,6 +193,11 @@ class FrameReader:
         self.bad = 0
         """Stretches of bytes dropped because they were no frame."""
 
+    @property
+    def unfinished(self) -> bytes:
+        """The beginning of a frame whose end has not come."""
+        return bytes(self._buffer)
+
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes and return the contents of the frames that they complete."""
         self._buffer += data

@@ -42,6 +42,7 @@ LEFT_OUT: Final[Mapping[str, str]] = MappingProxyType(
         "current_proposals": "uploads that wait for an answer",
         "links": "radios of a simulation",
         "robots": "memory of simulated robots",
+        "before-upgrade": "backups themselves",
     }
 )
 """Folders that are not packed, with the reason."""

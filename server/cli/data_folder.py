@@ -57,8 +57,15 @@ def _close_to_others(folder: Path) -> None:
 
 
 @contextmanager
-def hold_data_folder(folder: Path) -> Generator[None]:
+def hold_data_folder(folder: Path, inherited: int | None = None) -> Generator[int]:
     """Create the folder if need be and hold it for this process; the end of either frees it.
+
+    Args:
+        folder: The folder.
+        inherited: Descriptor of the lock, of a process that hands the folder over to this one.
+
+    Yields:
+        Descriptor of the lock; whoever has it holds the folder, too.
 
     Raises:
         DataFolderTakenError: If another process holds it.
@@ -66,7 +73,9 @@ def hold_data_folder(folder: Path) -> Generator[None]:
     """
     make_data_folder(folder)
     try:
-        lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
+        lock = inherited
+        if lock is None:
+            lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise _unusable(folder, error) from error
     try:
@@ -74,6 +83,6 @@ def hold_data_folder(folder: Path) -> Generator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise DataFolderTakenError(f"A station runs on {folder} already.") from error
-        yield
+        yield lock
     finally:
         os.close(lock)

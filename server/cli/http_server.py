@@ -15,6 +15,8 @@ HEADER_MAX_S: Final = 10.0
 CONNECTIONS_MAX: Final = 500
 CONNECTIONS_PER_ADDRESS_MAX: Final = 100
 """Of one other machine; a proxy, and all that runs on this one, come from loopback."""
+LAST_REQUEST_S: Final = 2.0
+"""What a new connection has for its first request when the server stops."""
 STREAM_FRAME_MAX: Final = 2**16
 """Bytes of what a browser says on a stream."""
 
@@ -24,6 +26,7 @@ class ImpatientHttp(H11Protocol):
 
     _head: asyncio.TimerHandle | None = None
     _is_stream = False
+    _is_last = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a request.
@@ -46,6 +49,8 @@ class ImpatientHttp(H11Protocol):
             return
         if self._is_asked():
             self._stop_waiting()
+            if self._is_last:
+                super().shutdown()  # after its answer
         elif self._head is None:
             self._await_head()
 
@@ -54,6 +59,15 @@ class ImpatientHttp(H11Protocol):
         super().on_response_complete()
         if self.conn.trailing_data[0]:
             self._await_head()
+
+    def shutdown(self) -> None:
+        """Close between two requests; whoever has just connected is answered once."""
+        if getattr(self, "cycle", None) is None:
+            self._is_last = True
+            self._stop_waiting()
+            self._head = self.loop.call_later(LAST_REQUEST_S, self._give_up)
+        else:
+            super().shutdown()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
@@ -98,6 +112,10 @@ def _address(connection: object) -> str | None:
     return None if client is None else client[0]
 
 
+_TURNS_TO_CONNECT: Final = 3
+"""Turns of the event loop in which a connection that was accepted gets its protocol."""
+
+
 class HttpServer(uvicorn.Server):
     """Leaves the signals to the caller: the station must be closed after the server, not by it."""
 
@@ -105,6 +123,16 @@ class HttpServer(uvicorn.Server):
     def capture_signals(self) -> Generator[None]:
         """Capture none."""
         yield
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take no more connections, answer what was asked, and leave no connection open."""
+        for server in self.servers:
+            server.close()
+        for _ in range(_TURNS_TO_CONNECT):
+            await asyncio.sleep(0)
+        await super().shutdown(sockets)
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()
 
     def stop(self) -> None:
         """Stop in order; asked again, stop at once."""

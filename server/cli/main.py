@@ -19,6 +19,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
     {
         "demo": "start the station with two simulated robots and print its address",
         "serve": "start the station alone",
+        "upgrade": "take over from the station that runs, without losing what robots say",
         "simulate": "start the simulated robots alone",
         "robot": "add, list, retire robots; run one's onboard program alone, against its nodes",
         "link": "listen to a link and say what to try, or list the links of the robots",

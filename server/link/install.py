@@ -3,6 +3,7 @@
 from robot_link.standard_config import StandardCommandConfig
 from robot_link.station.gateway.address import is_acoustic
 from robot_link.transport.opening import is_radio
+from robot_link.transport.shelf import Shelf
 from server.access.subject import Subjects
 from server.base.event_bus import ChannelsChanged, SettingsChanged
 from server.base.foundation import Foundation
@@ -44,12 +45,13 @@ ROUTERS = (
 )
 
 
-def install(foundation: Foundation, make_link: LinkFactory) -> None:
+def install(foundation: Foundation, make_link: LinkFactory, shelf: Shelf) -> None:
     """Make what robots are heard and spoken to by: radios, acoustic modems, and the intake.
 
     Args:
         foundation: What the station stands on.
         make_link: Makes what serves the radios; where tests put their own.
+        shelf: Where lines may be open already, and where they are left to a later process.
     """
     foundation.services.get(Subjects).add_details("log", "name")
     bus, clock, services = foundation.bus, foundation.clock, foundation.services
@@ -58,7 +60,7 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
     ingest = services.add(Ingest(foundation.store, fleet, clock, bus, foundation.channels, tables))
     derived = DerivedValues(fleet, clock, foundation.channels)
     signing = RobotSigning(foundation.secrets, clock)
-    radios = services.add(Radios(clock, ingest.take, make_link, signing))
+    radios = services.add(Radios(clock, ingest.take, make_link, signing, shelf))
     ranging = services.add(Ranging(foundation, ingest.take))
     services.add(Parameters(foundation, fleet, radios))
     services.add(Waypoints(foundation, fleet, radios))

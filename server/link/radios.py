@@ -37,6 +37,7 @@ from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
+from robot_link.transport.shelf import Shelf
 from server.base.wakeups import Wakeups
 from server.link.event import DetectionsStored, SamplesStored
 from server.link.link import Radio
@@ -73,6 +74,10 @@ class Link(Radio, ParameterRadio, FileRadio, WaypointRadio, Protocol):
 
     def answer_control(self, robot: RobotId, system: SystemId, *, is_heard: bool) -> None:
         """Answer another ground station's request, which a robot passed on."""
+        ...
+
+    async def let_go(self) -> None:
+        """Give up every radio for good, and return once all that was heard has been told."""
         ...
 
     async def run(self) -> None:
@@ -115,8 +120,10 @@ class Radios:
         on_event: Callable[[LinkEvent], None],
         make: LinkFactory,
         signing: RobotSigning,
+        shelf: Shelf | None = None,
     ) -> None:
         self._clock = clock
+        self._shelf = shelf or Shelf()
         self._on_event = on_event
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._orders: dict[RobotId, StandardCommandConfig] = {}
@@ -144,7 +151,7 @@ class Radios:
         if endpoints == self._robots:
             return False
         uris = _radios(endpoints.values())
-        transports = {uri: open_transport(uri) for uri in sorted(uris)}
+        transports = {uri: open_transport(uri, self._shelf) for uri in sorted(uris)}
         self._link.set_robots(endpoints, transports)
         self._robots = endpoints
         for uri in self._disabled & uris:
@@ -170,6 +177,11 @@ class Radios:
         (self._disabled.discard if is_enabled else self._disabled.add)(radio)
         if radio in _radios(self._robots.values()):
             self._link.set_enabled(radio, is_enabled)
+
+    async def let_go(self) -> None:
+        """Leave every radio to the shelf, and return once all that was heard has been told."""
+        self._shelf.is_open = True
+        await self._link.let_go()
 
     async def run(self) -> None:
         """Serve until cancelled."""

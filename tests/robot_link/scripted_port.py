@@ -26,6 +26,10 @@ class ScriptedPort:
     def bring(self, data: bytes) -> None:
         self._incoming.put_nowait(data)
 
+    def unread(self, data: bytes) -> None:
+        if data:
+            self._incoming.put_nowait(data)
+
     def close(self) -> None:
         pass
 

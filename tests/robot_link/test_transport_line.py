@@ -130,6 +130,21 @@ async def test_a_far_side_that_takes_no_bytes_is_given_up_and_tried_again(tmp_pa
             await next_opening(transport)
 
 
+async def test_a_line_that_closes_while_somebody_writes_is_watched_no_more():
+    ours, theirs = os.openpty()
+    port = await SerialPort.open(os.ttyname(theirs), baud=57600, flow_control=False)
+    writing = asyncio.create_task(port.write(bytes(1_000_000)))
+    while not port.is_awaited:  # noqa: ASYNC110 - the buffer of the system is to be full
+        await asyncio.sleep(0)
+    descriptor, _ = port.release()
+    assert not asyncio.get_running_loop().remove_writer(descriptor)
+    os.close(descriptor)
+    with pytest.raises(OSError, match="Bad file"):
+        await writing
+    os.close(theirs)
+    os.close(ours)
+
+
 @pytest.mark.parametrize("scheme", ["serial", "xbee"])
 async def test_a_pulled_plug_closes_the_port_until_it_is_put_back(tmp_path: Path, scheme: str):
     """The line itself stays: another program may have it meanwhile."""

@@ -344,6 +344,9 @@ class FakeLink:
         fake.take(mission)
         return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
 
+    async def let_go(self) -> None:
+        pass
+
     def set_enabled(self, uri: str, is_enabled: bool) -> None:
         self.world.switched.append((uri, is_enabled))
 

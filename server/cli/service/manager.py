@@ -42,6 +42,10 @@ class ServiceManager:
         """Say that the station serves, and in which process."""
         self._tell("READY=1", f"MAINPID={os.getpid()}", f"STATUS={status}")
 
+    def succeeded_by(self, process: int) -> None:
+        """Say that another process is the service from now on, and serves."""
+        self._tell(f"MAINPID={process}", "READY=1", "STATUS=Serving")
+
     def reloading(self, status: str) -> None:
         """Say that ``ready`` will be said anew."""
         now_us = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000

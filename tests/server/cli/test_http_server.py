@@ -1,6 +1,7 @@
 """Connections that ask for nothing are not kept."""
 
 import asyncio
+import contextlib
 import socket
 
 import httpx
@@ -27,7 +28,7 @@ async def answer(scope, receive, send):
 
 
 @pytest.fixture
-async def port(monkeypatch):
+async def server(monkeypatch):
     monkeypatch.setattr(http_server, "HEADER_MAX_S", 600.0)
     config = uvicorn.Config(
         answer, host="127.0.0.1", port=0, lifespan="off", log_level="error", http=ImpatientHttp
@@ -35,9 +36,14 @@ async def port(monkeypatch):
     server = HttpServer(config)
     serving = asyncio.create_task(server.serve())
     await until(lambda: server.started)
-    yield server.servers[0].sockets[0].getsockname()[1]
-    server.stop()
+    yield server
+    server.should_exit = True
     await serving
+
+
+@pytest.fixture
+def port(server):
+    return server.servers[0].sockets[0].getsockname()[1]
 
 
 async def test_an_answer_in_two_pieces_does_not_wait_for_an_acknowledgement():
@@ -135,3 +141,30 @@ async def test_a_stream_outlives_the_time_for_a_head(port, monkeypatch):
             await stream.send(str(number))
             assert await asyncio.wait_for(stream.recv(), 60) == str(number)
             await asyncio.sleep(http_server.HEADER_MAX_S / 10)
+
+
+async def test_who_has_just_connected_is_answered_by_a_server_that_stops(port, server):
+    asked = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    idle, between = await asyncio.open_connection("127.0.0.1", port)
+    between.write(asked)
+    assert b"200 OK" in await idle.readuntil(b"ok")
+    await until(lambda: len(server.server_state.connections) == 2)
+    server.stop()
+    assert await idle.read() == b""  # it may ask another server
+    writer.write(asked)
+    heard = await reader.read()
+    assert b"200 OK" in heard
+    writer.close()
+    between.close()
+    await until(lambda: not server.server_state.connections)
+
+
+async def test_who_never_asks_holds_up_no_server_that_stops(port, server, monkeypatch):
+    monkeypatch.setattr(http_server, "LAST_REQUEST_S", 0.1)
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    await until(lambda: server.server_state.connections)
+    server.stop()
+    with contextlib.suppress(ConnectionResetError):
+        assert await reader.read() == b""
+    writer.close()
