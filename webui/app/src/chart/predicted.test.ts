@@ -34,7 +34,7 @@ test('a robot that is not heard moves on along its prediction, and its ellipse g
     [10, 5],
     [15, 5],
   ]);
-  expect(mark?.label).toBe('predicted; heard 2 min ago');
+  expect(mark?.label).toBe('grace-1 predicted; heard 2 min ago');
 });
 
 test('beyond its end a prediction stays where it ends, and without a path there is none', () => {

@@ -39,6 +39,6 @@ export function predictedMark(prediction: Prediction, nowMs: number): PredictedM
       between(before.ellipse_m[1], next.ellipse_m[1]),
     ],
     ellipseRad: next.ellipse_rad,
-    label: `predicted; heard ${age((nowMs - Date.parse(saidAt)) / 1000)}`,
+    label: `${prediction.robot} predicted; heard ${age((nowMs - Date.parse(saidAt)) / 1000)}`,
   };
 }

@@ -74,8 +74,8 @@ export class SiteDrawing {
   readonly #rehearsed = L.layerGroup();
   readonly #expected = L.layerGroup();
   readonly #bands = bandRenderer('band');
-  readonly #silent = new SitePredicted();
-  readonly #seen = new SitePredicted('map-seen');
+  readonly #silent: SitePredicted;
+  readonly #seen: SitePredicted;
   readonly #robots: SiteRobots;
   readonly #areas: SiteAreas;
   readonly #surveyed = L.layerGroup();
@@ -111,6 +111,8 @@ export class SiteDrawing {
     this.#base = new BaseLayer(map, site, map.getPane('base') ?? host);
     this.#areas = new SiteAreas(map);
     this.#surveyed.addTo(map);
+    this.#silent = new SitePredicted(map);
+    this.#seen = new SitePredicted(map, 'map-seen');
     const predicted = L.layerGroup([this.#comesUp, this.#rehearsed, this.#expected]);
     predicted.addLayer(this.#silent.group);
     this.#groups = {

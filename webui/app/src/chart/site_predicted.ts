@@ -1,6 +1,7 @@
 import * as L from 'leaflet';
 import { ellipseLine } from './flow_arrow';
 import type { PredictedMark } from './predicted';
+import { uncovered } from './uncovered';
 
 const LABEL_GAP_PX = 10;
 
@@ -16,13 +17,19 @@ interface Drawn {
  * they should be while they are not heard (90 %), or where cameras saw them (95 %).
  */
 export class SitePredicted {
+  readonly #map: L.Map;
   readonly #look: string;
   readonly group = L.layerGroup();
   readonly #drawn = new Map<string, Drawn>();
 
-  /** @param look Beginning of its classes. */
-  constructor(look = 'map-predicted') {
+  /**
+   * @param map Where its group is shown.
+   * @param look Beginning of its classes.
+   */
+  constructor(map: L.Map, look = 'map-predicted') {
+    this.#map = map;
     this.#look = look;
+    map.on('moveend zoomend', () => this.#hideCovered());
   }
 
   show(marks: readonly PredictedMark[]): void {
@@ -38,6 +45,22 @@ export class SitePredicted {
       const outline = ellipseLine(at[0], at[1], [ellipseM[0], ellipseM[1]], ellipseRad);
       drawn.ellipse.setLatLngs(outline.map(([north, east]): [number, number] => [north, east]));
       drawn.place.setLatLng([at[0], at[1]]).setTooltipContent(label);
+    }
+    this.#hideCovered();
+  }
+
+  /** Of words that would cover one another the first stand, until one zooms in. */
+  #hideCovered(): void {
+    const words = [...this.#drawn.values()].flatMap(({ place }) => {
+      const element = place.getTooltip()?.getElement();
+      if (!element) return [];
+      const { x, y } = this.#map.latLngToContainerPoint(place.getLatLng());
+      const [width, height] = [element.offsetWidth, element.offsetHeight];
+      return [{ element, box: { left: x - width / 2, top: y + LABEL_GAP_PX, width, height } }];
+    });
+    const shown = uncovered(words.map(({ box }) => [box]));
+    for (const [at, { element }] of words.entries()) {
+      element.classList.toggle('map-name-covered', !shown[at]);
     }
   }
 
