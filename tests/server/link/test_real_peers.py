@@ -120,6 +120,11 @@ async def state_of(client, holds):
     return await until(found)
 
 
+def has_said_all(state):
+    """Tell whether a vehicle has said where it is and, in another message, how it is."""
+    return state["position"] is not None and state["vehicle"]["is_armed"] is not None
+
+
 def depth_m(state):
     return state["channels"]["depth_m"]["value"]
 
@@ -153,8 +158,9 @@ async def test_a_submarine_of_mavutil_is_shown_and_comes_up_when_it_says_so(tmp_
         station_for(tmp_path, port, 41) as client,
     ):
         await submarine.said(ready=True)
+        told = {"pressure", "battery_fraction", "temperature"}
         state = await state_of(
-            client, lambda one: one["position"] and "pressure" in one["channels"]
+            client, lambda one: has_said_all(one) and told <= one["channels"].keys()
         )
         assert state["activity"] == "Armed, in ALT_HOLD (holds its depth)"
         assert (state["vehicle"]["autopilot"], state["vehicle"]["kind"]) == ("ArduSub", "submarine")
@@ -198,7 +204,7 @@ async def test_a_vehicle_of_mavsdk_is_shown_and_comes_up_by_a_mode_of_px4(tmp_pa
         config = await client.patch("/api/config/standard_commands?robot=other-1", json=orders)
         assert config.status_code == 200
         await vessel.said(ready=True)
-        state = await state_of(client, lambda one: one["position"] is not None)
+        state = await state_of(client, has_said_all)
         assert state["position"]["ned_m"] == pytest.approx([*PLACE_NE_M, 4.0], abs=0.02)
         assert depth_m(state) == pytest.approx(4.0)
         assert state["vehicle"]["is_armed"] is False
