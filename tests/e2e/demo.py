@@ -197,7 +197,8 @@ def _dives(demo: Demo, count: int, depth_m: float) -> Json:
 
     Where it drifted near the edge of its domain it swims inward first.
     """
-    north, east, _ = demo.get("/api/robots/mini-1/state")["position"]["ned_m"]
+    place = demo.wait("a position", lambda: demo.get("/api/robots/mini-1/state")["position"], 60.0)
+    north, east, _ = place["ned_m"]
     inside = [min(max(north, 0.4), 2.3), min(max(east, 0.4), 0.9)]
     is_near_edge = math.dist(inside, (north, east)) > 0.3
     here = inside if is_near_edge else [north, east]
