@@ -1,5 +1,7 @@
 """What-if runs by REST: compared on the same seeds, kept, shown, called off, interrupted."""
 
+import asyncio
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,9 @@ from db.store import Store
 from robot_link.messages import RobotMode
 from server.access.role import Role
 from server.base import study
+from server.base.worker import WorkerPool
 from server.current.currents import Currents
+from server.study.task import WHATIF
 from tests.server.conftest import GRACE, MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
 from tests.server.plan.test_plan_flow import told
@@ -217,14 +221,20 @@ async def test_a_viewer_reads_runs_but_begins_none(client, station):
 
 async def test_a_result_waits_for_the_storage(client, monkeypatch):
     monkeypatch.setattr(study, "RETRY_S", 0.02)
-    begun = await start(client)
-    write, failures = Store.write, []
+    write, run, broken = Store.write, WorkerPool.run, asyncio.Event()
 
     async def failing(store, function):
-        failures.append(function)
         raise StoreUnavailableError("The disk is full.")
 
+    async def held(pool, task, *told, **more):
+        if task == WHATIF:
+            await broken.wait()
+        return await run(pool, task, *told, **more)
+
+    monkeypatch.setattr(WorkerPool, "run", held)
+    begun = await start(client)
     monkeypatch.setattr(Store, "write", failing)
+    broken.set()
 
     async def waiting():
         job = (await client.get(f"/api/jobs/{begun['job']}")).json()
