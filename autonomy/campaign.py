@@ -30,8 +30,6 @@ CORES_OF_A_LOCAL_CLUSTER: Final = 4
 """With fewer, its processes and their scheduler take what they bring."""
 _PATIENCE_S: Final = 10.0
 _LOOK_S: Final = 0.1
-_RETRIES: Final = 2
-"""So often a piece of work is begun again whose machine went away."""
 _DISTRIBUTION: Final = "grace-ground-station"
 
 S = TypeVar("S")
@@ -133,7 +131,7 @@ class Cluster:
         """See ``Spread``."""
         client = self._client
         common = client.scatter(shared, hash=False)
-        pieces = [client.submit(work, common, item, pure=False, retries=_RETRIES) for item in items]
+        pieces = [client.submit(work, common, item, pure=False) for item in items]
         try:
             with client.as_current():
                 self._follow(pieces, on_done, is_cancelled)

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import tempfile
 import time
 
 import numpy as np
@@ -43,6 +44,12 @@ def faulty(shared, item):
     if item == shared:
         raise ArithmeticError(f"piece {item}")
     return item
+
+
+def counted_fault(shared, item):
+    """Raise, after leaving a file for each time that it was begun."""
+    tempfile.mkstemp(dir=shared)
+    raise ArithmeticError(f"piece {item}")
 
 
 def process_of(shared, item):
@@ -91,6 +98,12 @@ def test_nothing_to_do_is_done(spread):
 def test_what_a_piece_raises_is_raised(spread):
     with pytest.raises(ArithmeticError, match="piece 3"):
         spread.run(faulty, 3, range(5))
+
+
+def test_a_piece_that_raises_is_not_begun_again(spread, tmp_path):
+    with pytest.raises(ArithmeticError, match="piece 7"):
+        spread.run(counted_fault, tmp_path, [7])
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_campaign_that_is_called_off_ends_before_all_is_done(spread):
