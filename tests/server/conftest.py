@@ -51,15 +51,15 @@ FAST = {
 
 @overload
 async def until(
-    condition: Callable[[], Coroutine[object, object, T | None]], timeout_s: float = 60.0
+    condition: Callable[[], Coroutine[object, object, T | None]], timeout_s: float = 120.0
 ) -> T: ...
 
 
 @overload
-async def until(condition: Callable[[], T | None], timeout_s: float = 60.0) -> T: ...
+async def until(condition: Callable[[], T | None], timeout_s: float = 120.0) -> T: ...
 
 
-async def until(condition: Callable[[], object], timeout_s: float = 60.0) -> object:
+async def until(condition: Callable[[], object], timeout_s: float = 120.0) -> object:
     """Wait for something to become true; a coroutine function is awaited each time."""
     async with asyncio.timeout(timeout_s):
         while True:

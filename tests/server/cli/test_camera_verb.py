@@ -36,7 +36,8 @@ def test_sheets_are_written(ids, tmp_path, capsys):
 def test_the_doctor_looks_and_its_status_says_whether_tags_are_seen(capsys, tmp_path):
     with serving(fixed_tags, 0.1) as camera:
         uri = f"{camera.address}/stream"
-        assert main(["camera", "doctor", uri, "--seconds", "1", "--data", str(tmp_path)]) == 0
+        # As long as a busy machine needs to begin looking.
+        assert main(["camera", "doctor", uri, "--seconds", "5", "--data", str(tmp_path)]) == 0
         assert "Tag 100 (fixed)" in capsys.readouterr().out
         uri = f"{camera.address}/page"
         assert main(["camera", "doctor", uri, "--seconds", "1", "--data", str(tmp_path)]) == 1

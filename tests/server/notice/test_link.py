@@ -1,5 +1,6 @@
 """Links that acknowledge: once, by a button, only what was told; hostile ones do nothing."""
 
+import asyncio
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -150,8 +151,12 @@ async def test_a_link_leaves_other_causes_alone(here: NoticeStation):
 async def test_a_digest_is_acknowledged_as_far_as_it_named_alarms(here: NoticeStation):
     async with web_service() as service, stranger() as phone:
         await here.contact("ann", service.url)
-        for number in range(13):
-            await here.alarms.raise_(f"cause {number}", f"Cause {number}.", level="warning")
+        await asyncio.gather(
+            *(
+                here.alarms.raise_(f"cause {number}", f"Cause {number}.", level="warning")
+                for number in range(13)
+            )
+        )
         path = await link_of(service)
         page = await phone.get(path)
         named = page.text.count("<li>")
