@@ -12,7 +12,7 @@
         ├── UnknownError          404: there is no such thing, or it is not yours to see
         ├── NotAllowedError       401, 403: another token, or the right
         ├── ConflictError         409: not in this state; read what stands in the way
-        │   └── OutcomeUnknownError   the station was cut off in the middle: look before repeating
+        │   └── OutcomeUnknownError   it was cut off in its middle: look before repeating
         ├── TooManyError          429: after `retry_after_s`
         └── FailedError           5xx: the station failed at it
 """
@@ -97,7 +97,7 @@ class ConflictError(ProblemError):
 
 
 class OutcomeUnknownError(ConflictError):
-    """The station was stopped while it worked on the request, and cannot say what came of it."""
+    """The request was cut off in its middle, and the station cannot say what came of it."""
 
 
 class TooManyError(ProblemError):

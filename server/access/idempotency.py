@@ -18,12 +18,12 @@ from db.query.station.idempotency import GivenAnswer
 from server.access.guard import Guard
 from server.access.role import Right
 from server.base.foundation import Foundation
-from server.base.problem import Problem
+from server.base.problem import Problem, is_refusal
 from server.base.work.started import LOCATION, location_of
 
 HEADER: Final = "Idempotency-Key"
 OUTCOME_HEADER: Final = "Idempotency-Outcome"
-"""``unknown`` where the station was stopped in the middle of the first request."""
+"""``unknown`` where the first request was cut off in its middle."""
 _MAKES: Final = {
     "plans": "plan",
     "plan": "plan",
@@ -43,9 +43,9 @@ class IdempotentRoute(APIRoute):
     """A route whose POST may carry an ``Idempotency-Key``.
 
     The key belongs to its caller for a day. A repeated request gets the first one's answer; a
-    request that was refused or failed leaves its key free, for it changed nothing. One in whose
-    middle the station was killed is begun anew if it had changed nothing, and answered by what it
-    had made; else nobody can say what came of it, and the answer says so.
+    request that was refused (4xx) leaves its key free. One that was cut off in its middle, as it
+    failed, was cancelled or the station was killed, is begun anew if it had changed nothing, and
+    answered by what it had made; else nobody can say what came of it, and the answer says so.
     """
 
     def get_route_handler(self) -> Handler:
@@ -132,10 +132,13 @@ async def _answered(
     """Return the answer of a request that is carried out, and keep it."""
     try:
         response = await handler(request)
-    except BaseException:
-        claim.is_open = False
+    except BaseException as error:
+        # The claim is still open: a change that is being committed now counts before the release.
+        acted_too = is_refusal(error)
         with contextlib.suppress(StoreError):
-            await foundation.store.write(lambda session: query.release(session, claim))
+            await foundation.store.write(
+                lambda session: query.release(session, claim, acted_too=acted_too)
+            )
         raise
     claim.is_open = False
     body: bytes = getattr(request.state, "kept_answer", bytes(response.body))
@@ -186,7 +189,7 @@ def _made_answer(request: Request, given: GivenAnswer) -> bytes:
         headers[LOCATION] = location_of(given.made)
     raise Problem(
         409,
-        f"The station stopped while it worked on the first request with this key{made}. "
+        f"The first request with this key was cut off in its middle{made}. "
         "Look what came of it before you ask again.",
         headers=headers,
     )

@@ -124,6 +124,17 @@ def below(problem: Problem, *prefix: str | int) -> Problem:
     return Problem(problem.status, problem.detail, errors=errors, headers=problem.headers)
 
 
+def is_refusal(error: BaseException) -> bool:
+    """Tell whether an error is answered by a 4xx: the station said no, rather than failed."""
+    match error:
+        case Problem():
+            return error.status < HTTPStatus.INTERNAL_SERVER_ERROR
+        case HTTPException():
+            return error.status_code < HTTPStatus.INTERNAL_SERVER_ERROR
+        case _:
+            return isinstance(error, RequestValidationError | UnknownIdError)
+
+
 def problem_response(
     status: int,
     detail: str,
@@ -191,9 +202,8 @@ async def _on_store_unavailable(
     request: Request, error: StoreUnavailableError | StoreClosedError
 ) -> Response:
     del request
-    return problem_response(
-        503, f"{error} Nothing was changed; try again when it works.", headers={"Retry-After": "5"}
-    )
+    detail = f"{error} Try again when it works."
+    return problem_response(503, detail, headers={"Retry-After": "5"})
 
 
 async def _on_failure(request: Request, error: Exception) -> Response:

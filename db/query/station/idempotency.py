@@ -49,13 +49,20 @@ def settle(session: Session, of: Claim, status: int, body: bytes) -> None:
     row.body = body
 
 
-def release(session: Session, of: Claim) -> None:
-    """Give a key back whose request changed nothing, so that it may be tried again."""
-    session.execute(
-        delete(Idempotency).where(
-            Idempotency.caller == of.caller, Idempotency.request_key == of.request_key
-        )
+def release(session: Session, of: Claim, *, acted_too: bool) -> None:
+    """Give a key back, so that its request may be tried again.
+
+    Args:
+        session: A writing session.
+        of: The key.
+        acted_too: Whether also if the request has changed something.
+    """
+    statement = delete(Idempotency).where(
+        Idempotency.caller == of.caller, Idempotency.request_key == of.request_key
     )
+    if not acted_too:
+        statement = statement.where(Idempotency.has_acted.is_(False))
+    session.execute(statement)
 
 
 def forget_before(session: Session, at: datetime) -> None:

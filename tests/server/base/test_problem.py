@@ -7,9 +7,11 @@ from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError, UnknownIdError
 from server.access.dependency import Pilot
-from server.access.idempotency import IdempotentRoute
-from server.base.problem import FieldError, conflict
+from server.access.idempotency import OUTCOME_HEADER, IdempotentRoute
+from server.base.dependency import FoundationDep
+from server.base.problem import FieldError, Problem, conflict
 from server.base.view import Body
+from tests.server.conftest import until
 from tests.server.station_app import running, signed_in
 
 
@@ -17,8 +19,17 @@ class Order(Body):
     amount: int
 
 
+SECOND_STEPS = {
+    "stored nothing": StoreUnavailableError("The disk is full."),
+    "broke": ZeroDivisionError("second step"),
+    "reached nobody": Problem(502, "Nobody answers."),
+    "was refused": conflict("Not now."),
+}
+"""How a request may end whose first step was committed."""
+
+
 def routes(calls):
-    """Routes that fail in every way, and one that counts how often it acts."""
+    """Routes that fail in every way, and some that count how often they act."""
     router = APIRouter(route_class=IdempotentRoute)
 
     @router.get("/api/test/{what}")
@@ -41,6 +52,14 @@ def routes(calls):
         calls.append(body.amount)
         return {"order": len(calls)}
 
+    @router.post("/api/test/steps/{second}", status_code=202)
+    async def two_steps(caller: Pilot, second: str, foundation: FoundationDep) -> None:
+        await foundation.store.write(lambda session: calls.append(second))
+        if second in SECOND_STEPS:
+            raise SECOND_STEPS[second]
+        if len(calls) == 1:
+            await asyncio.Event().wait()
+
     return router
 
 
@@ -62,7 +81,7 @@ async def admin(tmp_path, calls):
 
 REFUSALS = (
     ("/api/test/unknown", 404, "There is no plan 'plan-9'."),
-    ("/api/test/unavailable", 503, "The disk is full. Nothing was changed; try again"),
+    ("/api/test/unavailable", 503, "The disk is full. Try again when"),
     ("/api/test/conflict", 409, "No."),
     ("/api/test/else", 500, "The station failed at this; its log says why."),
     ("/api/nowhere", 404, "There is nothing at /api/nowhere."),
@@ -146,6 +165,37 @@ async def test_a_refused_request_leaves_its_key_free(admin, calls):
         await admin.post("/api/test/order", json={"amount": 1}, headers=headers)
     ).status_code == 202
     assert calls == [1]
+
+
+@pytest.mark.parametrize("second", SECOND_STEPS.keys() - {"was refused"})
+async def test_a_request_that_failed_after_it_acted_does_not_act_again(admin, calls, second):
+    headers = {"Idempotency-Key": "a"}
+    first = await admin.post(f"/api/test/steps/{second}", headers=headers)
+    assert first.status_code >= 500
+    assert "Nothing was changed" not in first.json()["detail"]
+    again = await admin.post(f"/api/test/steps/{second}", headers=headers)
+    assert (again.status_code, again.headers[OUTCOME_HEADER]) == (409, "unknown")
+    assert calls == [second]
+
+
+async def test_a_request_that_is_cancelled_after_it_acted_does_not_act_again(admin, calls):
+    headers = {"Idempotency-Key": "a"}
+    first = asyncio.create_task(admin.post("/api/test/steps/waits", headers=headers))
+    await until(lambda: calls)
+    first.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await first
+    again = await admin.post("/api/test/steps/waits", headers=headers)
+    assert (again.status_code, again.headers[OUTCOME_HEADER]) == (409, "unknown")
+    assert calls == ["waits"]
+
+
+async def test_what_is_refused_may_be_asked_again_whatever_it_did_before(admin, calls):
+    for _ in range(2):
+        answer = await admin.post("/api/test/steps/was refused", headers={"Idempotency-Key": "a"})
+        assert (answer.status_code, answer.json()["detail"]) == (409, "Not now.")
+        assert OUTCOME_HEADER not in answer.headers
+    assert len(calls) == 2
 
 
 async def test_a_key_does_not_open_the_door(admin):
