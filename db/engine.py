@@ -1,4 +1,7 @@
-"""Engines for writing and for reading, and what each database needs to be told."""
+"""Engines for writing and for reading, and what each database needs to be told.
+
+The errors of both name no value that was bound: a log may quote them, and some values are secrets.
+"""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -27,7 +30,7 @@ def write_engine(url: str) -> Engine:
     so an acknowledged row must survive a power cut as well as SIGKILL; batches keep the price
     at a few dozen syncs a second.
     """
-    engine = create_engine(url, pool_size=1, max_overflow=0, **_patience(url))
+    engine = create_engine(url, pool_size=1, max_overflow=0, hide_parameters=True, **_patience(url))
     if is_sqlite(engine):
         _prepare_sqlite(
             engine,
@@ -40,7 +43,12 @@ def write_engine(url: str) -> Engine:
 def read_engine(url: str) -> Engine:
     """Open an engine whose connections cannot change anything."""
     engine = create_engine(
-        url, pool_size=READERS, max_overflow=0, pool_timeout=30, **_patience(url)
+        url,
+        pool_size=READERS,
+        max_overflow=0,
+        pool_timeout=30,
+        hide_parameters=True,
+        **_patience(url),
     )
     if is_sqlite(engine):
         _prepare_sqlite(engine, begin="BEGIN", pragmas=("query_only=ON",))

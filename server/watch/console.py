@@ -13,15 +13,24 @@ LogLevel: TypeAlias = Literal["debug", "info", "warning", "error"]
 _QUIET: Final = ("alembic", "httpx", "uvicorn.access")
 """They say much, and httpx every address that it asks: some hold a secret word."""
 _SECRET: Final = re.compile(
-    r"((?:token|ticket|password|secret|key|code)=|/push/|/ack/|[Bb]earer )[^\s&\"'<>,;)\]}]+"
-    r"|()grace_[\w-]{40,}"
+    r"""
+    ( (?:token|ticket|password|secret|key|code) (?: = | \\*["']\s*:\s* ) )
+    (?: b?"(?:[^"\\]|\\.)*"? | b?'(?:[^'\\]|\\.)*'?  # quoted
+      | \\+"[^"]*"? | \\+'[^']*'?                    # quoted within what is quoted
+      | [^\s&"'<>,;)\]}]+ )
+    | ( /push/ | /ack/ | [Bb]earer[ ] ) [^\s&"'<>,;)\]}]+
+    | ( ://[^\s/:@]*: ) [^\s"'<>]*(?=@)              # of an address with a name and a password
+    | () grace_[\w-]{40,}
+    """,
+    re.VERBOSE,
 )
+"""What stands before a secret, as the one group that takes part, and the secret."""
 _TEXT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
 def without_secrets(text: str) -> str:
     """Return a text without what would let its reader in."""
-    return _SECRET.sub(r"\1(secret)", text)
+    return _SECRET.sub(lambda found: f"{found[found.lastindex or 0]}(secret)", text)
 
 
 class WithoutSecrets(logging.Formatter):

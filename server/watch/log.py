@@ -20,7 +20,7 @@ FILE: Final = "station.jsonl"
 FILES: Final = 10
 """The newest and those before it; each holds an equal part of what all may."""
 WAITING_MAX: Final = 10_000
-"""Lines that wait for a slow disk; more are dropped, and how many is told."""
+"""Lines that wait for a slow disk; more are dropped, and ``/metrics`` tells how many."""
 _OWN: Final = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 _CONTEXT: Final = ("request_id", "person", "robot")
 
@@ -29,7 +29,7 @@ class JsonLines(logging.Formatter):
     """One JSON object a line: ``time`` (UTC), ``level``, ``logger``, ``message`` and what is known.
 
     That is ``request_id``, ``person`` and ``robot`` where the line belongs to one, ``exception``
-    where one is told, and whatever the caller gave as ``extra``.
+    where one is told, and whatever the caller gave as ``extra``: numbers, and all else as text.
     """
 
     def format(self, record: logging.LogRecord) -> str:
@@ -44,7 +44,12 @@ class JsonLines(logging.Formatter):
         line |= {name: value for name, value in more.items() if value is not None}
         if record.exc_info and record.exc_info[0] is not None:
             line["exception"] = self.formatException(record.exc_info)
-        return without_secrets(json.dumps(line, default=str, ensure_ascii=False))
+        told = {name: _told(value) for name, value in line.items()}
+        return json.dumps(told, ensure_ascii=False)
+
+
+def _told(value: object) -> object:
+    return value if isinstance(value, bool | int | float) else without_secrets(str(value))
 
 
 class _Context(logging.Filter):
@@ -77,6 +82,17 @@ class _Waiting(logging.handlers.QueueHandler):
             self.queue.put_nowait(record)
         except queue.Full:
             self.dropped += 1
+
+
+class _Writing(logging.handlers.QueueListener):
+    """Writes what waits, and at its end the last of it too, however many lines there are."""
+
+    def __init__(self, lines: "queue.Queue[Any]", files: logging.Handler) -> None:
+        super().__init__(lines, files)
+        self._lines = lines
+
+    def enqueue_sentinel(self) -> None:
+        self._lines.put(None)  # by which the base class ends; its own does not wait for room
 
 
 class _Files(logging.handlers.RotatingFileHandler):
@@ -122,9 +138,9 @@ def logged_to_files(folder: Path, limit_bytes: int) -> Generator[None]:
         folder / FILE, maxBytes=limit_bytes // FILES, backupCount=FILES - 1, encoding="utf-8"
     )
     files.setFormatter(JsonLines())
-    waiting = _Waiting(queue.Queue(WAITING_MAX))
+    lines: queue.Queue[Any] = queue.Queue(WAITING_MAX)
+    waiting, listener = _Waiting(lines), _Writing(lines, files)
     waiting.addFilter(_Context())
-    listener = logging.handlers.QueueListener(waiting.queue, files)
     listener.start()
     logging.getLogger().addHandler(waiting)
     try:
@@ -133,6 +149,12 @@ def logged_to_files(folder: Path, limit_bytes: int) -> Generator[None]:
         logging.getLogger().removeHandler(waiting)
         listener.stop()
         files.close()
+
+
+def dropped_lines() -> int:
+    """Return how many lines the files of this process's log have missed for want of room."""
+    handlers = logging.getLogger().handlers
+    return sum(each.dropped for each in handlers if isinstance(each, _Waiting))
 
 
 def _is_for_a_person(record: logging.LogRecord) -> bool:
