@@ -20,6 +20,7 @@ from server.base.event_bus import JobChanged
 from server.base.foundation import Foundation
 from server.base.job import JobBoard
 from server.base.metric.metrics import counted, gauge, gauges, totals
+from server.watch.log import dropped_lines
 
 _BATCH_BUCKETS_S: Final = (0.002, 0.005, 0.01, 0.03, 0.1, 0.3, 1.0, 5.0)
 _RUNNING: Final = ("queued", "running")
@@ -38,6 +39,7 @@ def register(foundation: Foundation) -> None:
     started_s = time.time()
     metrics.add(lambda: _build(started_s))
     metrics.add(lambda: _storage(foundation))
+    metrics.add(_log)
     metrics.add(lambda: _alarms(foundation))
     metrics.add(lambda: _work(foundation))
     metrics.add(lambda: _disk(foundation.settings.data_dir))
@@ -76,6 +78,15 @@ def _storage(foundation: Foundation) -> Iterator[Metric]:
     yield totals("writer_commits", "Transactions that were committed.", (), commits)
     fault = float(store.fault is not None)
     yield gauge("writer_fault", "Whether storage fails: 1 while it does.", fault)
+    on_disk = "Rows that wait in the bridge journal on the disk."
+    yield gauge("writer_bridged_rows", on_disk, store.bridged_rows)
+    refuses = "Whether the bridge journal takes no rows, so that they wait in memory: 1 while so."
+    yield gauge("writer_bridge_fault", refuses, float(store.bridge_fault is not None))
+
+
+def _log() -> Iterator[Metric]:
+    lines = [((), float(dropped_lines()))]
+    yield totals("log_lines_dropped", "Log lines that a slow disk left no room for.", (), lines)
 
 
 def _alarms(foundation: Foundation) -> Iterator[Metric]:

@@ -65,9 +65,10 @@ class Metrics:
 
     async def text(self, store: Store) -> bytes:
         """Return every figure in the text format of Prometheus. Call it on the event loop."""
-        self._queried = []
+        queried: list[Metric] = []
         with suppress(StoreError):
-            self._queried = await store.query(self._ask)
+            queried = await store.query(self._ask)
+        self._queried = queried  # read below, before another scrape has its turn
         return generate_latest(self.registry)
 
     def _ask(self, session: Session) -> list[Metric]:

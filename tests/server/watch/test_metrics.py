@@ -1,11 +1,18 @@
 """What Prometheus reads of a station."""
 
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
 import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from pydantic import ValidationError
+from sqlalchemy.orm import Session
 
+from db.fault import StoreUnavailableError
 from server.access.role import Role
+from server.base.foundation import Foundation
 from server.base.settings import Settings
 from tests.server.conftest import GRACE, MINI, StationClient, until
 from tests.server.fake_link import World, state_report
@@ -82,6 +89,18 @@ async def test_requests_are_counted_by_the_template_of_their_route(client: Stati
     assert not [one for one in told if "nobody" in one or "no/such" in one]
 
 
+async def test_methods_that_strangers_make_up_are_counted_as_one(tmp_path):
+    async with running(tmp_path, metrics_on_loopback=True) as app, client_of(app) as anyone:
+        for made_up in ("BREW", "M1", "M2", "M3", "M4"):
+            assert (await anyone.request(made_up, "/api/health")).status_code == 405
+        figures = await scraped(anyone)
+    assert labels_of(figures, "grace_http_requests_total", "method") == {"other"}
+    assert (
+        sum(value for (name, _), value in figures.items() if name == "grace_http_requests_total")
+        == 5
+    )
+
+
 async def test_a_change_is_timed_by_the_writer(client: StationClient, station: OpenStation):
     before = await scraped(client)
     await station.foundation.store.write(lambda session: None)
@@ -98,6 +117,40 @@ async def test_what_one_part_cannot_tell_does_not_silence_the_others(
     figures = await scraped(client)
     assert figures["grace_metrics_failures_total", (("part", __name__),)] >= 1
     assert ("grace_writer_fault", ()) in figures
+
+
+async def test_a_scrape_that_the_database_does_not_answer_has_no_figures_of_another(
+    tmp_path: Path,
+):
+    async with running(tmp_path) as app:
+        foundation: Foundation = app.state.foundation
+        answered, asked = asyncio.Event(), asyncio.Event()
+
+        class Failing:
+            async def query(self, read: Callable[[Session], object]) -> object:
+                asked.set()
+                await answered.wait()
+                raise StoreUnavailableError("The database is away.")
+
+        failing = asyncio.create_task(foundation.metrics.text(Failing()))  # type: ignore[arg-type]
+        await asked.wait()
+        whole = figures_of((await foundation.metrics.text(foundation.store)).decode())
+        answered.set()
+        rest = figures_of((await failing).decode())
+    assert ("grace_database_size_bytes", ()) in whole
+    assert ("grace_database_size_bytes", ()) not in rest
+    assert ("grace_writer_fault", ()) in rest
+
+
+async def test_rows_that_the_disk_bridges_are_told_and_why_it_takes_no_more(
+    client: StationClient, station: OpenStation
+):
+    writer = station.foundation.store._writer
+    figures = await scraped(client)
+    assert figures["grace_writer_bridged_rows", ()] == 0.0
+    assert figures["grace_writer_bridge_fault", ()] == 0.0
+    writer.bridge_fault = "No space left on device"
+    assert (await scraped(client))["grace_writer_bridge_fault", ()] == 1.0
 
 
 async def test_metrics_need_a_token_that_may_see_the_whole_station(tmp_path):
