@@ -161,9 +161,10 @@ RULES: Final = (
     ),
     AlarmRule(
         key="station clock", title="Station: its clock was set", reads="clock_step",
-        limits=_above(warning=2.0),
-        text="The station's clock was set by {value}; times around it may be wrong.",
-        action="See that the machine keeps its time by NTP or GNSS.",
+        limits=_above(warning=1.0),
+        text="The station's clock jumped by {value}; times from before and after do not fit "
+        "together.",
+        action="Find out what sets the clock of this machine, and let it be moved slowly.",
     ),
     AlarmRule(
         key="station database", title="Station: database behind", reads="rows_waiting",

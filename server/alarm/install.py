@@ -13,6 +13,7 @@ from server.base.wakeups import Wakeups
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.prediction.predictions import PredictionJudged
+from server.watch.station_clock import StationClock
 
 ROUTERS = (route.router, rule_route.router)
 REST_S = 0.25
@@ -49,7 +50,10 @@ def install(foundation: Foundation) -> None:
         PredictionJudged, lambda event: engine.take_miss(event.robot, event.ellipse_units)
     )
     condition = ConditionWatch(
-        foundation.settings.data_dir, foundation.store, engine.take_condition
+        foundation.settings.data_dir,
+        foundation.store,
+        foundation.services.get(StationClock),
+        engine.take_condition,
     )
     shelf = AlarmShelf(foundation.alarms, clock)
     bus.subscribe(AlarmChanged, lambda event: shelf.take(event.alarm))

@@ -1,21 +1,18 @@
 """How the station's own machine is: its disk, its processors, its clock, its database."""
 
 import asyncio
-import itertools
 import os
 import shutil
-import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from db.store import Store
+from server.watch.station_clock import StationClock
 
 PERIOD_S: Final = 5.0
 """Wall time between two looks; nothing tells of a full disk by itself."""
-_CLOCK_WITHIN_S: Final = 600.0
 _MB: Final = 1e6
 
 
@@ -26,7 +23,7 @@ class StationCondition:
     disk_free_mb: float | None
     load_percent: float | None
     clock_step_s: float
-    """Largest step of the wall clock against the time since boot, of the last ten minutes."""
+    """Largest jump of the wall clock within the last ten minutes, either way."""
     rows_waiting: float
 
 
@@ -34,31 +31,24 @@ class ConditionWatch:
     """Looks at the machine now and then. Belongs to one event loop; ``run`` is its task."""
 
     def __init__(
-        self, folder: Path, store: Store, told: Callable[[StationCondition], object]
+        self,
+        folder: Path,
+        store: Store,
+        clock: StationClock,
+        told: Callable[[StationCondition], object],
     ) -> None:
         self._folder = folder
         self._store = store
+        self._clock = clock
         self._told = told
-        self._offsets: deque[tuple[float, float]] = deque()
 
     async def run(self) -> None:
         """Tell the condition every few seconds until cancelled."""
         while True:
             disk_free_mb = await asyncio.to_thread(_disk_free_mb, self._folder)
-            rows = float(self._store.waiting_rows)
-            step_s = self.clock_step_s(time.time(), time.monotonic())
+            rows, step_s = float(self._store.waiting_rows), self._clock.jump_lately_s
             self._told(StationCondition(disk_free_mb, _load_percent(), step_s, rows))
             await asyncio.sleep(PERIOD_S)
-
-    def clock_step_s(self, wall_s: float, since_boot_s: float) -> float:
-        """Return how far the wall clock was set lately; slow steering of it is no step."""
-        offset_s = wall_s - since_boot_s
-        self._offsets.append((since_boot_s, offset_s))
-        while self._offsets[0][0] < since_boot_s - _CLOCK_WITHIN_S:
-            self._offsets.popleft()
-        offsets_s = [one for _, one in self._offsets]
-        steps_s = (abs(after - before) for before, after in itertools.pairwise(offsets_s))
-        return max(steps_s, default=0.0)
 
 
 def _disk_free_mb(folder: Path) -> float | None:

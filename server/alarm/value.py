@@ -431,7 +431,7 @@ _STATION_VALUES = (
     ),
     StationValue(
         "clock_step", "Step of the station's clock", "s", condition="clock_step_s", decimals=1,
-        help="How far the wall clock was set within the last ten minutes.",
+        help="By how much the wall clock jumped within the last ten minutes, a second at least.",
     ),
     StationValue(
         "rows_waiting", "Measurements that wait for the database", "rows",

@@ -11,9 +11,9 @@ import ctypes
 import statistics
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Final, TypeAlias
 
 from prometheus_client.core import Metric
@@ -30,7 +30,8 @@ WITNESSES_MIN: Final = 2
 AGREE_S: Final = 5.0
 WRONG_S: Final = 30.0
 """A station whose clock is off by more is said to be wrong, if robots agree on it."""
-JUMP, SYNC, ROBOTS = "station_clock.jump", "station_clock.sync", "station_clock.robots"
+LATELY_S: Final = 600.0
+SYNC, ROBOTS = "station_clock.sync", "station_clock.robots"
 _READ_S: Final = 0.05
 """Two clocks that were read within this belong together."""
 _STA_UNSYNC: Final = 0x40
@@ -103,6 +104,8 @@ def disagreement_s(offsets_s: Mapping[str, float]) -> float | None:
 class StationClock:
     """Watches the clock of the machine and raises alarms about it. Belongs to one event loop.
 
+    A jump is an alarm by a rule of the station (``clock_step``), which reads it here.
+
     Args:
         foundation: What the station stands on.
         read: Returns the wall clock and a steady one, s.
@@ -120,6 +123,8 @@ class StationClock:
         self._expects_sync = foundation.settings.clock_sync_expected
         self._read, self._ask = read, ask
         self._before: tuple[float, float] | None = None
+        self._jumped: deque[tuple[float, float]] = deque()
+        """Moments of the steady clock, and by how much the other jumped then."""
         self._unsynchronised_since_s: float | None = None
         self._witnesses: list[Witness] = []
         self._jumps = foundation.metrics.counter("clock_jumps", "Jumps of the station's clock.")
@@ -131,6 +136,14 @@ class StationClock:
     def add_witness(self, witness: Witness) -> None:
         """Hold the station's clock against the clocks of robots too."""
         self._witnesses.append(witness)
+
+    @property
+    def jump_lately_s(self) -> float:
+        """By how much the clock jumped within the last ten minutes, the largest; 0 if it did not.
+
+        Slow steering of it, and a machine that slept, are no jump.
+        """
+        return max((abs(jump_s) for _, jump_s in self._jumped), default=0.0)
 
     @property
     def text(self) -> str:
@@ -147,13 +160,15 @@ class StationClock:
     async def look(self) -> None:
         """Look once at everything that tells of the clock."""
         wall_s, steady_s = self._read()
-        await self._judge_jump(wall_s, steady_s)
+        self._note_jump(wall_s, steady_s)
         self.kernel = self._ask()
         if not self._is_scaled:
             await self._judge_sync(steady_s)
             await self._judge_robots()
 
-    async def _judge_jump(self, wall_s: float, steady_s: float) -> None:
+    def _note_jump(self, wall_s: float, steady_s: float) -> None:
+        while self._jumped and self._jumped[0][0] < steady_s - LATELY_S:
+            self._jumped.popleft()
         before, self._before = self._before, (wall_s, steady_s)
         if before is None:
             return
@@ -161,15 +176,8 @@ class StationClock:
         if abs(jump_s) < JUMP_MIN_S:
             return
         self.newest_jump_s = jump_s
+        self._jumped.append((steady_s, jump_s))
         self._jumps.inc()
-        at = datetime.fromtimestamp(wall_s, UTC)
-        text = (
-            f"The station's clock jumped by {jump_s:+.0f} s at {at:%Y-%m-%d %H:%M:%SZ}; "
-            "times from before and after do not fit together."
-        )
-        action = "Find out what sets the clock of this machine, and let it be moved slowly."
-        await self._alarms.raise_(JUMP, text, action=action)
-        await self._alarms.clear(JUMP)
 
     async def _judge_sync(self, steady_s: float) -> None:
         if not self._expects_sync or self.kernel is None or self.kernel.is_synchronised:

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from server.base.clock_file import start_clock
 from server.base.foundation import Foundation
 from server.watch.station_clock import (
-    JUMP,
+    LATELY_S,
     PERIOD_S,
     ROBOTS,
     SYNC,
@@ -18,8 +19,9 @@ from server.watch.station_clock import (
     kernel_clock,
     wall_and_steady_s,
 )
-from tests.server.conftest import StationClient
+from tests.server.conftest import StationClient, until
 from tests.server.station_app import running
+from tests.server.station_parts import OpenStation
 
 START_S = 1_800_000_000.0
 
@@ -45,19 +47,38 @@ def watch_of(foundation: Foundation, machine: Machine) -> StationClock:
 
 
 @pytest.mark.parametrize("jump_s", [37.0, -37.0, 1.5])
-async def test_a_jump_is_told_once_with_its_size_and_moment(tmp_path: Path, jump_s: float):
+async def test_a_jump_is_told_for_ten_minutes_with_its_size(tmp_path: Path, jump_s: float):
     async with running(tmp_path) as app:
-        foundation: Foundation = app.state.foundation
         machine = Machine()
-        clock = watch_of(foundation, machine)
+        clock = watch_of(app.state.foundation, machine)
         for jump in (0.0, 0.0, jump_s, 0.0, 0.0):
             machine.go(PERIOD_S, jump_s=jump)
             await clock.look()
-        (alarm,) = [one for one in foundation.alarms.open if one.cause == JUMP]
-        assert f"jumped by {jump_s:+.0f} s at 2027-01-15 0" in alarm.text
-        assert alarm.state == "returned"
-        assert alarm.count == 1
         assert clock.newest_jump_s == pytest.approx(jump_s)
+        assert clock.jump_lately_s == pytest.approx(abs(jump_s))
+        machine.go(LATELY_S)
+        await clock.look()
+        assert clock.jump_lately_s == 0.0
+        assert clock.newest_jump_s == pytest.approx(jump_s)
+
+
+async def test_a_jump_is_one_alarm_by_the_station_s_rule(
+    client: StationClient, station: OpenStation
+):
+    machine = Machine()
+    clock = watch_of(station.foundation, machine)
+    clock._before = None
+    for jump_s in (0.0, 0.0, -37.0):
+        machine.go(PERIOD_S, jump_s=jump_s)
+        await clock.look()
+
+    async def told() -> list[dict[str, Any]]:
+        alarms = (await client.get("/api/alarms")).json()["alarms"]
+        return [one for one in alarms if "jumped" in one["text"]]
+
+    (alarm,) = await until(told)
+    assert "jumped by 37" in alarm["text"]
+    assert clock.jump_lately_s == 37.0
 
 
 async def test_a_clock_that_is_moved_slowly_or_a_machine_that_sleeps_is_no_alarm(tmp_path: Path):
@@ -67,6 +88,7 @@ async def test_a_clock_that_is_moved_slowly_or_a_machine_that_sleeps_is_no_alarm
         for length_s in (PERIOD_S, 3600.0, PERIOD_S, PERIOD_S):
             machine.go(length_s, jump_s=5e-4 * min(length_s, 60.0))
             await clock.look()
+        assert clock.jump_lately_s == 0.0
         assert app.state.foundation.alarms.open == []
 
 
