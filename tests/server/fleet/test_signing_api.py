@@ -207,7 +207,7 @@ async def test_a_decision_that_is_not_committed_leaves_the_key_as_it_was(
         for _ in range(2):
             answer = await client.request(method, f"/api/robots/{MINI}/signing-key")
             assert answer.status_code == 503
-            assert "Nothing was changed" in answer.json()["detail"]
+            assert "Try again when it works" in answer.json()["detail"]
     assert secret_files(station) == before
     answer = await client.request(method, f"/api/robots/{MINI}/signing-key")
     assert answer.is_success
