@@ -41,5 +41,5 @@ def install(foundation: Foundation) -> None:
     foundation.services.add(OpenKeys())
     subjects = foundation.services.add(Subjects(store))
     subjects.add_details("name", "token", "group", "session", "link")
-    limits = TokenLimits(settings, foundation.jobs)
+    limits = foundation.services.add(TokenLimits(settings, foundation.jobs))
     foundation.services.add(Guard(access, tickets, settings, subjects, presence, limits))

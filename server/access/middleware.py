@@ -13,7 +13,7 @@ from server.access.body import BodyReader
 from server.access.caller import Caller
 from server.access.deed import note_deed
 from server.access.guard import Guard
-from server.access.rate import tell_rate
+from server.access.rate import settle_work, tell_rate
 from server.access.stream import SignInEndedError, SignInWatch
 from server.base.problem import problem_response
 
@@ -91,6 +91,7 @@ class RequestGuard:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
+                settle_work(request)
                 headers = MutableHeaders(scope=message)
                 is_repeated = "Idempotent-Replayed" in headers
                 await note_deed(request, message["status"], is_repeated=is_repeated)
@@ -107,7 +108,10 @@ class RequestGuard:
 
         if guard.host_is_ours(request):
             with self._bodies.guard(request, receive, guard) as body, download, _nobody_yet():
-                await self._app(scope, body.receive, send_guarded)
+                try:
+                    await self._app(scope, body.receive, send_guarded)
+                finally:
+                    settle_work(request)
         else:
             refusal = problem_response(421, f"This station is not {request.url.hostname}.")
             await refusal(scope, receive, send_guarded)

@@ -82,7 +82,7 @@ class Settings(BaseSettings):
     token_burst: int = Field(default=1000, ge=1, le=100_000)
     """How many requests of a token may come at once, before the rate counts."""
     token_jobs: int = Field(default=20, ge=1, le=1000)
-    """How many jobs of a token may be under way at once."""
+    """How many jobs and plans of a token may be under way at once."""
     clock_sync_expected: bool = True
     """Whether a clock that nothing keeps right is an alarm; not on a machine without a network."""
     log_format: Literal["text", "json"] = "text"

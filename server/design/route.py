@@ -13,7 +13,7 @@ from server.access.idempotency import IdempotentRoute
 from server.access.subject import refuse_unseen
 from server.base.dependency import FoundationDep, service
 from server.base.problem import Problem
-from server.base.work.started import Started, StartedView
+from server.base.work.started import CalculationStarted, StartedView
 from server.design.designs import Designs
 from server.design.sides import Sides
 from server.design.view import (
@@ -246,7 +246,11 @@ async def post_difference(
 
 @router.post("/designs/{design}/plan", status_code=202)
 async def make_plan(
-    caller: Pilot, design: str, designs: DesignsDep, started: Started, body: Planning | None = None
+    caller: Pilot,
+    design: str,
+    designs: DesignsDep,
+    started: CalculationStarted,
+    body: Planning | None = None,
 ) -> StartedView:
     """Make a plan of a version: checked, flown ahead, then a draft that can be sent."""
     number = None if body is None else body.version

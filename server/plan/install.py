@@ -3,6 +3,7 @@
 import logging
 
 from autonomy.warm_up import search_step
+from server.access.rate import TokenLimits
 from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
@@ -33,6 +34,7 @@ def install(foundation: Foundation) -> None:
     ledger = services.add(PlanLedger(foundation, fleet))
     services.add(PlanBattery(foundation, fleet))
     planning = services.add(Planning(foundation, fleet, ledger, workers, machine_code))
+    services.get(TokenLimits).add_work("plan", planning.is_under_way)
     follower = PlanFollower(foundation.store, ledger)
 
     def show(event: PlanChanged | PlanSeen) -> None:

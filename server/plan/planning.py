@@ -142,6 +142,10 @@ class Planning:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
+    def is_under_way(self, plan: str) -> bool:
+        """Tell whether a plan is being searched for or flown ahead."""
+        return plan in self._tasks
+
     async def configure(
         self, robot: str, patch: Mapping[str, Any], *, by: str
     ) -> tuple[str, PlannerConfig]:

@@ -10,7 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import DeploymentDep, StoreDep, period_of, service
 from server.base.view import View
-from server.base.work.started import Started, StartedView
+from server.base.work.started import CalculationStarted, Started, StartedView
 from server.fleet.dependency import FleetDep
 from server.plan.document import plan_summary
 from server.plan.planning import Planning
@@ -65,7 +65,7 @@ async def cancel_plan(
 
 @router.post("/plans/{plan}/rehearse", status_code=202)
 async def rehearse_plan(
-    caller: Pilot, plan: str, planning: PlanningDep, started: Started
+    caller: Pilot, plan: str, planning: PlanningDep, started: CalculationStarted
 ) -> StartedView:
     """Fly a draft ahead again, however long that takes; 409 for a plan that is no draft."""
     del caller

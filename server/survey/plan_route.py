@@ -10,7 +10,7 @@ from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
 from server.base.view import Body, SettingsDocument
-from server.base.work.started import Started, StartedView
+from server.base.work.started import CalculationStarted, StartedView
 from server.plan.planning import Planning
 from server.plan.primitive_legs import LegRequest
 from server.plan.search.request import SearchRequest
@@ -133,7 +133,7 @@ async def create_plan(
     planning: PlanningDep,
     surveys: SurveysDep,
     targets: TargetPlanningDep,
-    started: Started,
+    started: CalculationStarted,
 ) -> StartedView:
     """Begin a plan: 409 or 422 at once if it cannot be made, else it becomes a draft or fails."""
     if isinstance(body, SurveyPlanRequest) and body.mission is not None:
@@ -168,7 +168,11 @@ async def create_plan(
 
 @router.post("/plans/{plan}/choose", status_code=202)
 async def choose_runner_up(
-    caller: Pilot, plan: str, body: ChoiceRequest, choices: PlanChoicesDep, started: Started
+    caller: Pilot,
+    plan: str,
+    body: ChoiceRequest,
+    choices: PlanChoicesDep,
+    started: CalculationStarted,
 ) -> StartedView:
     """Make a draft of a runner-up; the old draft stays one until then, and is then superseded."""
     record = await choices.choose(plan, body.runner_up, by=caller.name)
@@ -180,7 +184,7 @@ async def continue_search(
     caller: Pilot,
     plan: str,
     choices: PlanChoicesDep,
-    started: Started,
+    started: CalculationStarted,
     body: ContinueRequest | None = None,
 ) -> StartedView:
     """Search on from a draft and its runners-up; the old draft stays until the new one is found."""

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import Depends, Response
+from fastapi import Depends, Request, Response
 
 from db.query.station.jobs import JobRecord
 from db.record import same
 from server.base.dependency import FoundationDep
 from server.base.view import View, one_of
-from server.base.work.started import LOCATION, location_of
+from server.base.work.started import BEGUN, LOCATION, location_of
 
 JOB_RESULT = "x-job-result"
 """Key of an operation in the OpenAPI document: the schema of what its job leaves."""
@@ -50,13 +50,15 @@ def leaves(result: type[Any]) -> dict[str, Any]:
 class JobAnswer:
     """Answers a request that began a job, whichever it is: the job as it stands now."""
 
-    def __init__(self, foundation: FoundationDep, response: Response) -> None:
+    def __init__(self, foundation: FoundationDep, request: Request, response: Response) -> None:
         self._jobs = foundation.jobs
+        self._request = request
         self._response = response
 
     async def __call__(self, job: str) -> JobView:
         """Return the answer, and say where to ask for the job from now on."""
         self._response.headers[LOCATION] = location_of(job)
+        setattr(self._request.state, BEGUN, job)
         return job_view(await self._jobs.get(job))
 
 

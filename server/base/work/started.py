@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from fastapi import Depends, Response
+from fastapi import Depends, Request, Response
 
 from server.base.view import View
 
@@ -38,16 +38,27 @@ def location_of(identity: str) -> str:
     return f"/api/{_COLLECTIONS[kind]}/{identity}"
 
 
+BEGUN: Final = "begun"
+"""Where the id of what a request began stands in its state."""
+
+
 class StartedAnswer:
     """Answers a request that began something with a state of its own."""
 
-    def __init__(self, response: Response) -> None:
+    def __init__(self, request: Request, response: Response) -> None:
+        self._request = request
         self._response = response
 
     def __call__(self, identity: str) -> StartedView:
         """Return the answer, and say where to ask from now on."""
         self._response.headers[LOCATION] = location_of(identity)
+        setattr(self._request.state, BEGUN, identity)
         return StartedView(identity)
 
 
+class CalculatedAnswer(StartedAnswer):
+    """Answers a request that began long calculations, which count as work of its script."""
+
+
 Started = Annotated[StartedAnswer, Depends()]
+CalculationStarted = Annotated[CalculatedAnswer, Depends()]
