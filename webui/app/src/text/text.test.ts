@@ -1,5 +1,6 @@
 import { readFileSync } from 'node:fs';
 import { describe, expect, test } from 'vitest';
+import type { Health } from '../api/types';
 import { convergence, northEast, wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration, parseUtc, typedUtc } from './time';
@@ -13,7 +14,16 @@ import {
   screenUnit,
   wattHours,
 } from './unit';
-import { datedActivity, lastKnown, lower, overText, planName, readable, words } from './word';
+import {
+  datedActivity,
+  healthSentence,
+  lastKnown,
+  lower,
+  overText,
+  planName,
+  readable,
+  words,
+} from './word';
 
 describe('times', () => {
   test('are UTC with a Z', () => {
@@ -159,6 +169,22 @@ test.each([
   [14.25, '14.3'],
 ])('energy %s is written %s', (units, text) => {
   expect(energy(units)).toBe(text);
+});
+
+describe('a station with a fault', () => {
+  const storage = { ok: true, message: '' } as Health['storage'];
+  const said = (reasons: string[]) => healthSentence({ storage, reasons } as Health);
+
+  test('says which', () => {
+    expect(said(['Only 312 MB are free where the data folder is.'])).toBe(
+      'Station fault: Only 312 MB are free where the data folder is.',
+    );
+    expect(said(['One.', 'Two.'])).toBe('Station fault: One. Two.');
+  });
+
+  test('without one says nothing', () => {
+    expect(said([])).toBeNull();
+  });
 });
 
 describe('an alarm that is over', () => {

@@ -252,5 +252,5 @@ export function healthSentence(health: Health): string | null {
     return `Storage fault: ${health.storage.message} No plan is accepted until it is cured.`;
   }
   if (health.storage.message) return health.storage.message;
-  return health.status === 'degraded' ? 'The station runs with a fault; see the log.' : null;
+  return health.reasons.length ? `Station fault: ${health.reasons.join(' ')}` : null;
 }
