@@ -102,14 +102,17 @@ class Bridge:
     def written(self) -> None:
         """Take that the batches of ``oldest`` are in the database.
 
-        Raises:
-            OSError: If the file, empty by now, cannot be removed.
+        When these were all, the file goes. Where the disk keeps it, the next batch replaces what is
+        in it; read at a start before that, its batches are known by their numbers.
         """
+        self.waiting_rows -= self._read_rows
         self._begin = self._read_to
         if self._begin == self._file.end:
-            self._file.clear()
             self._begin = START
-        self.waiting_rows -= self._read_rows
+            try:
+                self._file.clear()
+            except OSError as error:
+                log.warning("the bridge journal is empty and cannot be removed: %s", error)
 
     def refuse(self, rows: Sequence[Telemetry], error: Exception) -> None:
         """Keep rows that the database will never take beside the journal, for a person."""

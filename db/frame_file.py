@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 from uuid import UUID, uuid4
 
+from robot_link.whole_file import keep_names
+
 log = logging.getLogger(__name__)
 
 _MAGIC = b"GRACEFR1"
@@ -98,13 +100,13 @@ class FrameFile:
         """Remove every frame; its name stays.
 
         Raises:
-            OSError: If the file cannot be removed.
+            OSError: If the file cannot be removed. Its frames may be read when it is opened again;
+                here it is empty, and the next frame takes their place.
         """
-        if self._file is not None:
-            self._path.unlink()
-            _sync_folder(self._path.parent)
         self.close()
         self.end = START
+        self._path.unlink(missing_ok=True)
+        keep_names(self._path.parent)
 
     def close(self) -> None:
         """Let go of the file."""
@@ -114,8 +116,12 @@ class FrameFile:
 
     def _create(self) -> FileIO:
         file = FileIO(self._path, "w+")
-        _write_whole(file, _MAGIC + self.name.bytes)
-        _sync_folder(self._path.parent)
+        try:
+            _write_whole(file, _MAGIC + self.name.bytes)
+            keep_names(self._path.parent)
+        except OSError:
+            file.close()
+            raise
         self._file = file
         return file
 
@@ -158,11 +164,3 @@ def _read(file: FileIO, offset: int) -> Frame | None:
     if len(payload) < length or zlib.crc32(payload) != crc:
         return None
     return Frame(payload, offset + _HEAD.size + length)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

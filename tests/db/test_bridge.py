@@ -1,11 +1,15 @@
 """Rows wait on the disk while the database is gone, and are in it once when it is back."""
 
+import errno
+import os
 import random
 import signal
+import stat
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,6 +107,33 @@ def test_without_room_on_the_disk_rows_wait_in_memory_and_it_is_said(bridged, ur
 
 def _no_room(self, payload):
     raise OSError(28, "No space left on device")
+
+
+@ON_SQLITE
+def test_a_journal_that_the_disk_does_not_remove_holds_up_nobody_and_is_written_once(
+    bridged, url, tmp_path, monkeypatch
+):
+    told = []
+    bridged.add_bridged_listener(told.extend)
+    unlink = Path.unlink
+
+    def refuse(path, missing_ok=False):
+        if path.name == FILE_NAME:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with locked(url):
+        assert bridged.append([raw(0)]).result(60) is Kept.BRIDGE
+    wait_until(lambda: told == [raw(0)])
+    assert bridged.waiting_rows == 0
+    assert bridged.append([raw(1)]).result(60) is Kept.DATABASE
+    bridged.close()
+    monkeypatch.undo()
+    again = Store.open(url, bridge_dir=tmp_path)
+    wait_until(lambda: again.waiting_rows == 0)
+    assert packets(again) == [0, 1]
+    again.close()
 
 
 @ON_POSTGRESQL
@@ -283,6 +314,31 @@ def test_a_frame_with_a_wrong_bit_is_not_believed(tmp_path):
     assert [frame.payload for frame in again.frames()] == [b"one"]
     assert again.end == first
     assert path.with_suffix(".torn").read_bytes() == bytes(data[first:])
+    again.close()
+
+
+def test_a_frame_is_on_the_disk_after_the_folder_of_the_last_one_could_not_be_synced(
+    tmp_path, monkeypatch
+):
+    path = tmp_path / "some.journal"
+    file = FrameFile(path)
+    file.append(b"one")
+    sync = os.fsync
+
+    def refuse_folders(descriptor):
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", refuse_folders)
+    with pytest.raises(OSError, match=os.strerror(errno.EIO)):
+        file.clear()
+    assert file.is_empty
+    monkeypatch.undo()
+    file.append(b"two")
+    file.close()
+    again = FrameFile(path)
+    assert [frame.payload for frame in again.frames()] == [b"two"]
     again.close()
 
 
