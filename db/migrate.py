@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,8 @@ from db import (
 from db.engine import READING
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from alembic.config import Config
 
 _TABLE_MODULES = (
@@ -107,11 +110,15 @@ def needs_migration(engine: Engine) -> bool:
     return present is not None and present != newest
 
 
-def migrate(engine: Engine) -> None:
+def migrate(engine: Engine, alone: AbstractContextManager[object] | None = None) -> None:
     """Apply every migration that the database lacks, all in one transaction.
 
     One that lacks none is only read: whoever opens it beside a running station, as each verb of the
     command line does, must not hold its write lock, and need not wait for Alembic.
+
+    Args:
+        engine: The database.
+        alone: Entered only while migrations are applied; what it raises keeps them from being so.
 
     Raises:
         NewerSchemaError: If the database is of a version that this station does not know.
@@ -120,7 +127,7 @@ def migrate(engine: Engine) -> None:
     if present != newest:
         from alembic import command
 
-        with engine.begin() as connection:
+        with alone or nullcontext(), engine.begin() as connection:
             command.upgrade(configuration(connection), "head")
 
 

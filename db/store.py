@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Self, TypeVar
 
@@ -60,7 +60,12 @@ class Store:
 
     @classmethod
     def open(
-        cls, url: str, on_fault: FaultListener | None = None, *, bridge_dir: Path | None = None
+        cls,
+        url: str,
+        on_fault: FaultListener | None = None,
+        *,
+        bridge_dir: Path | None = None,
+        alone: AbstractContextManager[object] | None = None,
     ) -> Self:
         """Bring the schema up to date and start the writer.
 
@@ -69,6 +74,7 @@ class Store:
             on_fault: Called with each change of ``fault``.
             bridge_dir: Folder of the bridge journal, which this process alone holds; without one
                 rows wait in memory while storage fails.
+            alone: Entered only while the schema changes; what it raises leaves that as it is.
 
         Raises:
             DatabaseUrlError: If the URL names a database that cannot keep what it is given.
@@ -78,7 +84,7 @@ class Store:
         engine = open_write_engine(url)
         bridge = None if bridge_dir is None else Bridge(bridge_dir)
         try:
-            migrate(engine)
+            migrate(engine, alone)
             if bridge is not None:
                 with Session(engine) as session:
                     bridge.catch_up(session)

@@ -4,7 +4,7 @@ import os
 import time
 from argparse import Namespace
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import httpx
@@ -18,7 +18,13 @@ from robot_link.clock import Clock
 from server.base.clock_file import read_clock
 from server.base.problem import Problem
 from server.base.settings import Settings
-from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
+from server.cli.data_folder import (
+    CLOCK_FILE,
+    DataFolderError,
+    DataFolderTakenError,
+    hold_data_folder,
+    make_data_folder,
+)
 from server.cli.failure import CommandError
 from server.cli.option import TOKEN_VARIABLE
 
@@ -48,14 +54,26 @@ def clock_of(settings: Settings) -> Clock:
 
 
 @contextmanager
-def open_store(settings: Settings) -> Generator[Store]:
+def open_store(settings: Settings, *, is_held: bool = False) -> Generator[Store]:
     """Open the database of a data folder; refusals on the way become a ``CommandError``.
 
-    A station may be running on it: both then write in turns.
+    A station may be running on it: both then write in turns. It may be of another version, so its
+    schema is changed only while no station has the folder.
+
+    Args:
+        settings: Where it is.
+        is_held: Whether this process holds the folder already.
     """
+    folder = settings.data_dir
     try:
-        make_data_folder(settings.data_dir)
-        store = Store.open(settings.resolved_database_url)
+        make_data_folder(folder)
+        alone = nullcontext() if is_held else hold_data_folder(folder)
+        store = Store.open(settings.resolved_database_url, alone=alone)
+    except DataFolderTakenError as error:
+        raise CommandError(
+            f"{error} Its database has another schema than this version needs: let this version "
+            "take over with `grace upgrade`, or use the version that runs."
+        ) from error
     except DataFolderError as error:
         raise CommandError(str(error)) from error
     except (StoreError, NewerSchemaError) as error:

@@ -110,7 +110,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
         with (
             hold_data_folder(settings.data_dir),
             arguments.file.open("rb") as file,
-            open_store(settings) as store,
+            open_store(settings, is_held=True) as store,
         ):
             with store.read() as session:
                 channels = catalogue_in(session)

@@ -76,7 +76,7 @@ def _by_folder(arguments: Namespace) -> None:
     try:
         with ExitStack() as stack:
             stack.enter_context(hold_data_folder(settings.data_dir))
-            store = stack.enter_context(open_store(settings))
+            store = stack.enter_context(open_store(settings, is_held=True))
             with store.read() as session:
                 channels = catalogue_in(session)
             order = stack.enter_context(_order(arguments, channels))

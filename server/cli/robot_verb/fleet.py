@@ -155,7 +155,10 @@ def _held(arguments: Namespace) -> Generator[tuple[Settings, Store]]:
     """Hold a data folder: a station that runs on it would not know of the change."""
     settings = settings_of(arguments)
     try:
-        with hold_data_folder(settings.data_dir), open_store(settings) as store:
+        with (
+            hold_data_folder(settings.data_dir),
+            open_store(settings, is_held=True) as store,
+        ):
             yield settings, store
     except DataFolderTakenError as error:
         raise CommandError(f"{error} Say it to the station: --url and {TOKEN_VARIABLE}.") from error

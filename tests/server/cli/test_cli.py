@@ -6,9 +6,11 @@ import os
 import socket
 
 import pytest
+from alembic import command
 from alembic.script import ScriptDirectory
 
-from db.migrate import configuration
+from db.engine import write_engine
+from db.migrate import configuration, schema_version
 from server.access.secret import new_secret
 from server.cli.data_folder import hold_data_folder
 from server.cli.main import VERBS, main
@@ -153,6 +155,28 @@ def test_the_database_is_copied_while_it_is_used(folder, tmp_path, capsys):
     newest = ScriptDirectory.from_config(configuration()).get_current_head()
     assert capsys.readouterr().out.splitlines()[-1] == newest
     assert (tmp_path / "copy.sqlite3").stat().st_size > 0
+
+
+def test_a_verb_changes_no_schema_under_a_running_station(folder, capsys):
+    """The station that runs may be of an older version, which could not read it any more."""
+    folder.mkdir()
+    engine = write_engine(f"sqlite:///{folder / 'station.sqlite3'}")
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0040")
+    with hold_data_folder(folder):
+        assert grace("user", "list", "--data", folder) == 1
+    told = capsys.readouterr().err
+    assert "A station runs on" in told
+    assert "`grace upgrade`" in told
+    with engine.connect() as connection:
+        assert schema_version(connection) == "0040"
+    assert grace("user", "list", "--data", folder) == 0
+    newest = ScriptDirectory.from_config(configuration()).get_current_head()
+    with engine.connect() as connection:
+        assert schema_version(connection) == newest
+    engine.dispose()
+    with hold_data_folder(folder):
+        assert grace("user", "list", "--data", folder) == 0
 
 
 def others_may(path):
