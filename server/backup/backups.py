@@ -38,6 +38,9 @@ OLD: Final = "backup_age"
 RESOURCE: Final = "backups"
 RETRY: Final = timedelta(hours=1)
 """Rest after a backup that failed, or less where they are more frequent."""
+AHEAD: Final = timedelta(hours=1)
+"""A backup whose name is later than now by more was named by a clock that was wrong, now or then:
+the schedule and the rotation leave it alone."""
 _LOOK_S: Final = 60.0
 """Longest wait by the wall for a moment of the wall, which may be set meanwhile."""
 _JOB: Final = "backup"
@@ -62,16 +65,13 @@ class Standing:
     """The newest first."""
     room: Room | None
     fault: str
-    """Why the folder cannot be read, or ""."""
+    """Why the folder cannot be read, or which backups in it are of a time to come, or ""."""
+    last_good_at: datetime | None
+    """When the newest whole backup was begun."""
     next_at: datetime | None
     """When the next one is due; None where none is scheduled."""
     failed: str
     """Why the last one failed; "" if none did since the last good one."""
-
-    @property
-    def last_good_at(self) -> datetime | None:
-        """When the newest whole backup was begun."""
-        return self.backups[0].at if self.backups else None
 
 
 def wall() -> datetime:
@@ -177,19 +177,28 @@ class Backups:
                 room = await asyncio.to_thread(shelf.room, self._foundation.settings.data_dir)
             except BackupError as error:
                 fault = str(error)
-        next_at = self._next_at(settings, found)
+        ahead = [one.name for one in found if not self._is_past(one)]
+        if ahead:
+            fault = (
+                f"{ahead[0]} is of a time to come, by the station's clock: set the clock, or move "
+                f"the file away. Until then it does not count ({len(ahead)} in all)."
+            )
+        last_good_at = next((one.at for one in found if self._is_past(one)), None)
+        next_at = self._next_at(settings, last_good_at)
         alarm = self._foundation.alarms.standing(FAILED, None)
         failed = "" if alarm is None else alarm.text
-        return Standing(settings, found, room, fault, next_at, failed)
+        return Standing(settings, found, room, fault, last_good_at, next_at, failed)
 
-    def _next_at(
-        self, settings: BackupSettings, found: tuple[ShelvedBackup, ...]
-    ) -> datetime | None:
+    def _is_past(self, backup: ShelvedBackup) -> bool:
+        return backup.at <= self._now() + AHEAD
+
+    def _next_at(self, settings: BackupSettings, last: datetime | None) -> datetime | None:
         if not settings.is_scheduled:
             return None
-        due = settings.next_after(found[0].at) if found else self._began
+        now = self._now()
+        due = settings.next_after(last) if last else min(self._began, now)
         if self._tried is not None:
-            due = max(due, self._tried + min(RETRY, settings.period))
+            due = max(due, min(self._tried, now) + min(RETRY, settings.period))
         return due
 
     async def _tell_age(self, standing: Standing) -> None:
@@ -266,7 +275,7 @@ class Backups:
         shelf = self.shelf(settings)
 
         def rotate() -> list[str]:
-            found = shelf.backups()
+            found = [one for one in shelf.backups() if self._is_past(one)]
             stay = kept(
                 (one.at for one in found),
                 days=settings.keep_days,

@@ -52,7 +52,7 @@ class BackupsView(View):
     failed: str
     """Why the last one failed; empty if none did since the last good one."""
     fault: str
-    """Why the folder cannot be read, or empty."""
+    """Why the folder cannot be read, or which backups in it are of a time to come, or empty."""
     free_bytes: int | None
     """Room in the folder."""
     is_same_disk: bool
@@ -102,7 +102,6 @@ async def _view(backups: Backups) -> BackupsView:
         standing,
         backups=[same(BackupView, one) for one in standing.backups],
         key_fingerprint=None if key is None else key.fingerprint,
-        last_good_at=standing.last_good_at,
         job=backups.job,
         free_bytes=None if room is None else room.free_bytes,
         is_same_disk=room is not None and room.is_same_disk,

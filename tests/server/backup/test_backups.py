@@ -36,6 +36,13 @@ async def until_there_are(here: BackedUp, count: int) -> list[dict[str, object]]
     return await until(look)
 
 
+async def damage(here: BackedUp) -> None:
+    """Have every backup from now on refused."""
+    await here.foundation.store.write(
+        lambda session: session.connection().exec_driver_sql("DROP TABLE raw_frame") and None
+    )
+
+
 def restored(here: BackedUp, name: str, key: PrivateKey | None = None):
     """Restore one of its backups elsewhere; return the URL of the database."""
     other = here.data.parent / f"restored-{name}"
@@ -141,11 +148,41 @@ async def test_a_last_good_backup_that_is_older_than_two_periods_is_an_alarm(her
     await until(lambda: not here.alarms(OLD))
 
 
+async def test_a_backup_of_a_time_to_come_ends_no_schedule_and_takes_no_backup_s_place(here):
+    """A machine whose clock was wrong made it, or has the wrong time now."""
+    await here.set_up(is_scheduled=True, keep_days=1, keep_weeks=0, keep_months=0)
+    [first] = await until_there_are(here, 1)
+    later = first["name"].replace("-20260301T", "-20310301T")
+    (here.folder / later).write_text("made by a clock that was wrong")
+    view = await here.view()
+    assert view["last_good_at"] == "2026-03-01T12:00:00Z"
+    assert view["next_at"] == "2026-03-02T02:00:00Z"
+    assert later in view["fault"]
+    here.pass_by(days=2)
+
+    async def rotated():
+        second = first["name"].replace("-20260301T", "-20260303T")
+        return here.files() == [second, later]
+
+    await until(rotated)
+    (here.folder / later).unlink()
+    assert (await here.view())["fault"] == ""
+
+
+async def test_a_backup_of_a_time_to_come_is_no_last_good_one(here):
+    await here.set_up(is_scheduled=True)
+    [backup] = await until_there_are(here, 1)
+    later = backup["name"].replace("-20260301T", "-20310301T")
+    (here.folder / backup["name"]).rename(here.folder / later)
+    await damage(here)
+    here.pass_by(days=3)
+    await until(lambda: here.alarms(OLD))
+    assert here.alarms(OLD) == ["There is no good backup of the station."]
+
+
 async def test_a_damaged_database_is_told_and_takes_no_backup_s_place(here):
     await here.set_up()
-    await here.foundation.store.write(
-        lambda session: session.connection().exec_driver_sql("DROP TABLE raw_frame") and None
-    )
+    await damage(here)
     told = await ended(here, await here.back_up())
     assert told["state"] == "failed"
     assert "The table raw_frame is missing" in told["message"]
