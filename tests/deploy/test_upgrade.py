@@ -1,5 +1,6 @@
 """A station that another process takes over from, while robots go on talking."""
 
+import asyncio
 import contextlib
 import os
 import pty
@@ -20,19 +21,37 @@ from pathlib import Path
 
 import httpx
 import pytest
+from alembic import command
 
+from db.engine import write_engine
+from db.migrate import configuration, migrate, schema_version
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import Codec
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LogId
 from robot_link.sample_log import Measurement
+from server.base.settings import Settings
 from server.cli.http_server import LAST_REQUEST_S
+from server.cli.service.preparation import prepare
+from tests.db.old_schema import RowMaker, reflected
 from tests.server.cli.test_process import alive
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
 ROOT = Path(__file__).parents[2]
 GRACE = [sys.executable, "-m", "server.cli"]
 LIMIT_S = 300.0
+GOING_BACK = re.search(
+    r"```bash\n(systemctl stop grace\n.*?)```", (ROOT / "docs/install.md").read_text(), re.DOTALL
+)
+"""What the page of installation says for the way back from an upgrade that failed."""
+MACHINE = f"""
+set -e
+systemctl() {{ :; }}
+sudo() {{ shift 2; "$@"; }}
+install() {{ command install -d -m 700 "${{@: -1}}"; }}
+grace() {{ {sys.executable} -m server.cli "$@"; }}
+"""
+"""Stands for a machine with a service and its user."""
 LINE_BYTES_PER_S = 11_520.0
 """A serial line at 115,200 baud, without a pause."""
 UDP_BYTES_PER_S = 600.0
@@ -410,3 +429,39 @@ def test_where_no_station_runs_an_upgrade_says_what_to_do(tmp_path):
     asked = run("upgrade", "--data", tmp_path / "data")
     assert asked.returncode == 1
     assert "start it with this version instead" in asked.stderr
+
+
+def test_the_way_back_that_the_page_tells_leads_to_the_old_schema_with_all_that_it_needs(tmp_path):
+    data = tmp_path / "data"
+    for name in ("log/station.jsonl", "secret/robot-a", "base-maps/lake.pmtiles"):
+        (data / name).parent.mkdir(parents=True, exist_ok=True)
+        (data / name).write_text("before")
+    settings = Settings(data_dir=data)
+    engine = write_engine(settings.resolved_database_url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0040")
+        RowMaker().add_row(connection, reflected(connection)["robot"])
+    asyncio.run(prepare(settings))
+    migrate(engine)
+    engine.dispose()
+    (data / "log/station.jsonl").write_text("before and after")
+    (data / "bridge.journal").write_text("after")
+
+    assert GOING_BACK is not None
+    script = MACHINE + GOING_BACK[1].replace("/opt/grace/1/bin/grace", "grace").replace(
+        "/var/lib/grace", str(data)
+    )
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=False,
+        timeout=LIMIT_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with engine.connect() as connection:
+        assert schema_version(connection) == "0040"
+        assert connection.exec_driver_sql("SELECT count(*) FROM robot").scalar() == 1
+    engine.dispose()
+    found = {name: (data / name).read_text() for name in ("log/station.jsonl", "secret/robot-a")}
+    assert set(found.values()) == {"before"}
+    assert (data / "base-maps/lake.pmtiles").read_text() == "before"
+    assert (data / "bridge.journal").read_text() == "after"
+    assert (tmp_path / "data.failed/log/station.jsonl").read_text() == "before and after"

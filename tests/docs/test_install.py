@@ -16,7 +16,9 @@ COMMANDS = [
     for line in block.splitlines()
 ]
 GRACE = [
-    re.sub(r"^.*?\bgrace ", "", line) for line in COMMANDS if re.search(r"bin/grace |^grace ", line)
+    re.sub(r"^(?:.*bin/)?grace ", "", line)
+    for line in COMMANDS
+    if re.search(r"bin/grace |^grace ", line)
 ]
 TOLD = [*GRACE, *(code.removeprefix("grace ") for code in re.findall(r"`(grace [^`]+)`", PAGE))]
 
