@@ -105,7 +105,7 @@ async def test_a_checkpoint_that_fits_no_longer_is_dropped_and_the_search_begins
     client, station, recording
 ):
     body = await searches.deployed(station, recording)
-    config = {**searches.SLOW, "iterations": 60, "particles": 10}
+    config = {**searches.SLOW, "iterations": 200, "particles": 10}
     begun = await searches.start(client, body, config)
     await searches.checkpointed(client, begun)
     path = f"/api/identifications/{begun['id']}"

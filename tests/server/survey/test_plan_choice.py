@@ -14,7 +14,7 @@ from tests.server.fake_link import current_report
 from tests.server.fake_worker import DEPTHS_M
 
 
-async def plan_in(client, plan, *states, timeout_s=60.0):
+async def plan_in(client, plan, *states, timeout_s=120.0):
     async def there():
         found = (await client.get(f"/api/plans/{plan}")).json()
         return found if found["state"] in states else None
