@@ -13,7 +13,7 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.frame_file import START, FrameFile
+from db.frame_file import START, TORN, FrameFile
 from db.ingest import Telemetry
 from db.query.station.settings import get_setting, replace_setting
 from db.telemetry_text import TelemetryTextError, rows_of, text_of
@@ -22,6 +22,10 @@ log = logging.getLogger(__name__)
 
 FILE_NAME: Final = "bridge.journal"
 """In the station's data folder."""
+REFUSED_NAME: Final = "bridge.refused"
+"""Beside it: rows that the database will never take, as text."""
+TORN_NAME: Final = f"bridge{TORN}"
+"""Beside it: what the disk has damaged."""
 RESERVE_BYTES: Final = 256 * 2**20
 """Stays free on the disk, for whatever else the station and its machine must write."""
 _MARK: Final = "bridge"
@@ -45,7 +49,7 @@ class Bridge:
 
     def __init__(self, folder: Path, reserve_bytes: int = RESERVE_BYTES) -> None:
         self._file = FrameFile(folder / FILE_NAME, reserve_bytes)
-        self._refused = folder / "bridge.refused"
+        self._refused = folder / REFUSED_NAME
         self._begin = START
         self._read_to = START
         self._read_rows = 0
@@ -80,7 +84,7 @@ class Bridge:
     def oldest(self, rows_max: int) -> list[Batch]:
         """Return the batches to write next: at least one, and no further one beyond a count.
 
-        One that cannot be read is kept beside the journal for a person, and left out.
+        One that is not understood is kept beside the journal for a person, and left out.
 
         Raises:
             OSError: If the disk cannot be read.
@@ -97,6 +101,8 @@ class Bridge:
                 self._refuse(text, error)
             self._read_to = frame.end
             self._read_rows += rows
+        else:  # what the disk has damaged since it was counted waits no more
+            self._read_to, self._read_rows = self._file.end, self.waiting_rows
         return found
 
     def written(self) -> None:

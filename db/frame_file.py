@@ -25,7 +25,10 @@ _HEAD = struct.Struct("<II")
 START = len(_MAGIC) + 16
 """Offset of the first frame."""
 FRAME_BYTES_MAX = 2**28
-"""A longer length was never written; it is a damaged one."""
+"""A longer length was never written, nor one of nothing; it is a damaged one."""
+TORN = ".torn"
+"""Ends the name of the file with what is no whole frame."""
+_BLOCK_BYTES = 1 << 20
 
 
 class Frame(NamedTuple):
@@ -35,11 +38,20 @@ class Frame(NamedTuple):
     end: int
 
 
+class _Found(NamedTuple):
+    """What stands at an offset."""
+
+    payload: bytes | None
+    """``None`` where it is damaged."""
+    end: int
+
+
 class FrameFile:
     """One such file; it exists only while there is a frame in it. Belongs to one thread.
 
-    What a process that was killed left half written at the end is cut off when the file is opened,
-    and kept beside it (``.torn``): nobody was told that it is kept.
+    A frame that the disk has damaged is passed over, and kept beside the file (``.torn``). So is
+    what a process that was killed left half written at the end, which is cut off when the file is
+    opened: nobody was told that it is kept.
 
     Args:
         path: The file.
@@ -54,6 +66,8 @@ class FrameFile:
         """Names this file; another one at the same path has another name."""
         self.end = START
         """Offset behind the last whole frame."""
+        self._passed_over: set[int] = set()
+        """Where damaged frames begin that are beside the file already."""
         if path.exists():
             self._open()
 
@@ -88,13 +102,14 @@ class FrameFile:
             OSError: If it cannot be read.
         """
         while self._file is not None and offset < self.end:
-            frame = _read(self._file, offset)
-            if frame is None:
-                raise OSError(
-                    errno.EIO, "a frame that was whole cannot be read any more", str(self._path)
-                )
-            yield frame
-            offset = frame.end
+            found = _read(self._file, offset, self.end)
+            end = self.end if found is None else found.end
+            if found is not None and found.payload is not None:
+                yield Frame(found.payload, end)
+            elif offset not in self._passed_over:
+                self._keep_beside(self._file, offset, end)
+                self._passed_over.add(offset)
+            offset = end
 
     def clear(self) -> None:
         """Remove every frame; its name stays.
@@ -105,6 +120,7 @@ class FrameFile:
         """
         self.close()
         self.end = START
+        self._passed_over.clear()
         self._path.unlink(missing_ok=True)
         keep_names(self._path.parent)
 
@@ -131,19 +147,33 @@ class FrameFile:
         if len(head) == START and head.startswith(_MAGIC):
             self.name = UUID(bytes=head[len(_MAGIC) :])
             self._file = file
-            while (frame := _read(file, self.end)) is not None:
-                self.end = frame.end
         size = os.fstat(file.fileno()).st_size
-        if size > self.end or self._file is None:
-            torn = self._path.with_suffix(".torn")
-            log.warning("%s ends in %d torn bytes; they are in %s", self._path, size, torn)
-            file.seek(self.end if self._file else 0)
-            with torn.open("ab") as kept:
-                shutil.copyfileobj(file, kept)
-            file.truncate(self.end if self._file else 0)
+        offset = START
+        while self._file is not None and (found := _read(file, offset, size)) is not None:
+            offset = found.end
+            if found.payload is not None:
+                self.end = offset
+        whole = 0 if self._file is None else self.end
+        if size > whole:
+            self._keep_beside(file, whole, size)
+            file.truncate(whole)
         if self._file is None or self.is_empty:
             self._file = file
             self.clear()
+
+    def _keep_beside(self, file: FileIO, begin: int, end: int) -> None:
+        """Keep bytes that are no whole frame for a person."""
+        beside = self._path.with_suffix(TORN)
+        log.error(
+            "%s: %d bytes are torn or damaged; they are in %s", self._path, end - begin, beside
+        )
+        file.seek(begin)
+        with beside.open("ab") as kept:
+            while begin < end and (block := file.read(min(end - begin, _BLOCK_BYTES))):
+                kept.write(block)
+                begin += len(block)
+            kept.flush()
+            os.fsync(kept.fileno())
 
 
 def _write_whole(file: FileIO, data: bytes) -> None:
@@ -151,16 +181,15 @@ def _write_whole(file: FileIO, data: bytes) -> None:
         raise OSError(errno.ENOSPC, "only a part was written")
 
 
-def _read(file: FileIO, offset: int) -> Frame | None:
-    """Return the frame at an offset, ``None`` where none is whole."""
+def _read(file: FileIO, offset: int, limit: int) -> _Found | None:
+    """Return what stands at an offset, ``None`` where no frame can end by a limit."""
     file.seek(offset)
     head = file.read(_HEAD.size)
     if len(head) < _HEAD.size:
         return None
     length, crc = _HEAD.unpack(head)
-    if length > FRAME_BYTES_MAX:
+    end = offset + _HEAD.size + length
+    if not 1 <= length <= FRAME_BYTES_MAX or end > limit:
         return None
     payload = file.read(length)
-    if len(payload) < length or zlib.crc32(payload) != crc:
-        return None
-    return Frame(payload, offset + _HEAD.size + length)
+    return _Found(payload if zlib.crc32(payload) == crc else None, end)

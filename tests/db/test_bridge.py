@@ -16,7 +16,7 @@ import pytest
 from sqlalchemy import select
 
 from autonomy.arrays import IntArray
-from db.bridge import FILE_NAME, Bridge
+from db.bridge import FILE_NAME, TORN_NAME, Bridge
 from db.fault import StoreUnavailableError
 from db.frame_file import FrameFile
 from db.query.fleet.robots import add_robot
@@ -315,6 +315,73 @@ def test_a_frame_with_a_wrong_bit_is_not_believed(tmp_path):
     assert again.end == first
     assert path.with_suffix(".torn").read_bytes() == bytes(data[first:])
     again.close()
+
+
+def test_a_frame_that_the_disk_has_damaged_takes_no_later_one_with_it(tmp_path):
+    path = tmp_path / "some.journal"
+    file = FrameFile(path)
+    first, second, _ = (file.append(word) for word in (b"one", b"two", b"three"))
+    file.close()
+    flip(path, second - 1)
+    damaged = path.read_bytes()[first:second]
+    again = FrameFile(path)
+    for _ in range(2):
+        assert [frame.payload for frame in again.frames()] == [b"one", b"three"]
+    assert path.with_suffix(".torn").read_bytes() == damaged
+    again.append(b"four")
+    assert [frame.payload for frame in again.frames()] == [b"one", b"three", b"four"]
+    again.close()
+
+
+def flip(path, offset):
+    """Have the disk lose a bit."""
+    with path.open("r+b") as file:
+        file.seek(offset)
+        [byte] = file.read(1)
+        file.seek(offset)
+        file.write(bytes([byte ^ 1]))
+
+
+def test_zeros_that_a_power_cut_left_at_the_end_are_no_frames(tmp_path):
+    path = tmp_path / "some.journal"
+    file = FrameFile(path)
+    end = file.append(b"one")
+    file.close()
+    with path.open("ab") as longer:
+        longer.write(bytes(4096))
+    again = FrameFile(path)
+    assert [frame.payload for frame in again.frames()] == [b"one"]
+    assert again.end == end
+    again.close()
+
+
+def test_batches_around_one_that_the_disk_has_damaged_are_written(store, url, tmp_path):
+    bridge = Bridge(tmp_path)
+    ends = []
+    for number in range(3):
+        bridge.put(bridge.batch([raw(number)]))
+        ends.append((tmp_path / FILE_NAME).stat().st_size)
+    bridge.close()
+    flip(tmp_path / FILE_NAME, ends[1] - 1)
+    opened = Store.open(url, bridge_dir=tmp_path)
+    wait_until(lambda: opened.waiting_rows == 0)
+    assert packets(opened) == [0, 2]
+    assert (tmp_path / TORN_NAME).exists()
+    opened.close()
+
+
+def test_a_batch_that_the_disk_damages_while_it_waits_holds_up_nobody(tmp_path):
+    bridge = Bridge(tmp_path)
+    for number in range(2):
+        bridge.put(bridge.batch([raw(number)]))
+    flip(tmp_path / FILE_NAME, (tmp_path / FILE_NAME).stat().st_size - 1)
+    [batch] = bridge.oldest(100)
+    assert batch.rows == [raw(0)]
+    bridge.written()
+    assert bridge.waiting_rows == 0
+    assert not (tmp_path / FILE_NAME).exists()
+    assert (tmp_path / TORN_NAME).exists()
+    bridge.close()
 
 
 def test_a_frame_is_on_the_disk_after_the_folder_of_the_last_one_could_not_be_synced(
