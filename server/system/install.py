@@ -13,6 +13,7 @@ from server.system import (
     live_route,
 )
 from server.system.certificate import ServedCertificate
+from server.system.rows_aside import watch_rows_aside
 
 ROUTERS = (
     health_route.router,
@@ -26,7 +27,7 @@ ROUTERS = (
 
 
 def install(foundation: Foundation) -> None:
-    """Show jobs in the live stream, tell there of a change of channels, watch the certificate."""
+    """Show jobs and changes of channels in the live stream; watch certificate and stray rows."""
     feed, settings = foundation.feed, foundation.settings
     foundation.services.add(feed)
 
@@ -40,6 +41,9 @@ def install(foundation: Foundation) -> None:
     foundation.bus.subscribe(ChannelsChanged, lambda _: feed.mark("channels"))
     foundation.bus.subscribe(
         JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job, event.job.robot)
+    )
+    foundation.lifetime.run(
+        "rows aside", lambda: watch_rows_aside(settings.data_dir, foundation.alarms)
     )
     if settings.tls_certificate is not None and settings.tls_key is not None:
         certificate = ServedCertificate(settings.tls_certificate, settings.tls_key)
