@@ -1,13 +1,15 @@
 """What of a data folder is in a backup, and what is not.
 
 Whatever a folder of the data folder holds is either lost with it or made anew; each is in one of
-the two tables.
+the two tables. Rows that were acknowledged and are in no database yet are packed, too.
 """
 
 from collections.abc import Generator, Mapping
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Final
+
+from db.bridge import FILE_NAME, REFUSED_NAME, TORN_NAME
 
 SQLITE: Final = "station.sqlite3"
 """The database of SQLite, as a file that can be opened."""
@@ -17,6 +19,10 @@ CLOCK: Final = "clock.json"
 """Clock of a demo."""
 MANIFEST: Final = "manifest.json"
 """Sizes and hashes of all other members; the last one."""
+BRIDGED: Final = (FILE_NAME, REFUSED_NAME, TORN_NAME)
+"""Files with rows on their way into the database, in the order in which rows go through them.
+
+They are copied before the database is, which then has whatever has left them."""
 KEPT: Final[Mapping[str, str]] = MappingProxyType(
     {
         "secret": "keys of robots and accounts",
@@ -69,5 +75,5 @@ def is_member(name: str) -> bool:
     if ".." in path.parts or path.is_absolute():
         return False
     if len(path.parts) == 1:
-        return name in (SQLITE, DUMP, CLOCK, MANIFEST)
+        return name in (SQLITE, DUMP, CLOCK, MANIFEST, *BRIDGED)
     return path.parts[0] in KEPT

@@ -1,10 +1,11 @@
 """Makes one backup: copies the database, checks it, packs it, and reads the file again."""
 
+import fcntl
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -24,12 +25,14 @@ from server.backup.archive import (
     read_archive,
     write_archive,
 )
-from server.backup.content import DUMP, SQLITE, files_of
+from server.backup.content import BRIDGED, DUMP, SQLITE, files_of
 from server.backup.failure import BackupError
 from server.backup.sealing import Lock, Seal, Sealing, Unsealing
 
 STAGING: Final = ".grace-"
 """Beginning of the names of folders in which backups are made; what is in one is no backup."""
+BY_HAND: Final = f"{STAGING}by-hand-"
+"""Beginning of those that no schedule makes."""
 _COPIED, _CHECKED, _PACKED = 0.4, 0.55, 0.85
 """Shares of the work that are done after each step."""
 _MB: Final = 1e6
@@ -45,7 +48,7 @@ class BackupOrder:
     """The file; it must not exist, its folder must."""
     lock: Lock | None = None
     """What it is encrypted with; None for a plain file."""
-    staging: str = STAGING
+    staging: str = BY_HAND
     """Beginning of the name of the folder, beside the target, in which it is made."""
 
 
@@ -66,6 +69,8 @@ Tell = Callable[[float, str], None]
 def make_backup(order: BackupOrder, tell: Tell = lambda _share, _words: None) -> MadeBackup:
     """Make a backup while a station may run; ``target`` appears whole and checked, or not at all.
 
+    What killed makers have left beside it, under the same beginning, is removed first.
+
     Raises:
         BackupError: If there is nothing to back up, the database is damaged, or the file exists,
             cannot be written, or reads otherwise than it was written.
@@ -74,21 +79,31 @@ def make_backup(order: BackupOrder, tell: Tell = lambda _share, _words: None) ->
     target = order.target
     if target.exists():
         raise BackupError(f"{target} exists already; nothing was copied.")
+    clear_staging(target.parent, order.staging)
     with written(target), beside(target, order.staging) as staging:
         database = staging / (DUMP if care.sqlite_file(order.database_url) is None else SQLITE)
+        bridged = _copy_bridged(order.data_dir, staging)
         _copy(order, database, tell)
         about = _about(order, database)
         seal = None if order.lock is None else Seal.draw(order.lock)
         fresh = staging / "backup"
         size = database.stat().st_size
+        files = [(database.name, database), *bridged, *files_of(order.data_dir)]
         words = f"Packing {size / _MB:.0f} MB"
-        contents = _pack(
-            order, database, fresh, seal, about, _share(tell, _CHECKED, _PACKED, size, words)
-        )
+        contents = _pack(files, fresh, seal, about, _share(tell, _CHECKED, _PACKED, size, words))
         _read_again(fresh, seal, contents, _share(tell, _PACKED, 1.0, size, "Reading it again"))
         fresh.replace(target)
         keep_names(target.absolute().parent)
     return MadeBackup(target.name, target.stat().st_size, size)
+
+
+def _copy_bridged(folder: Path, staging: Path) -> list[tuple[str, Path]]:
+    """Copy the rows that are on their way into the database; return names of members, and files."""
+    copies: list[tuple[str, Path]] = []
+    for name in BRIDGED:
+        with suppress(FileNotFoundError):
+            copies.append((name, Path(shutil.copyfile(folder / name, staging / name))))
+    return copies
 
 
 def _copy(order: BackupOrder, database: Path, tell: Tell) -> None:
@@ -128,15 +143,13 @@ def _about(order: BackupOrder, database: Path) -> dict[str, str | None]:
 
 
 def _pack(
-    order: BackupOrder,
-    database: Path,
+    files: Iterable[tuple[str, Path]],
     fresh: Path,
     seal: Seal | None,
     about: dict[str, str | None],
     on_bytes: OnBytes,
 ) -> Contents:
     """Write the file, with all of it on the disk."""
-    files = [(database.name, database), *files_of(order.data_dir)]
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with open(descriptor, "wb") as file:
         if seal is None:
@@ -183,16 +196,45 @@ def _share(tell: Tell, begin: float, end: float, size: int, words: str) -> OnByt
 
 
 @contextmanager
-def beside(target: Path, prefix: str = STAGING) -> Generator[Path]:
+def beside(target: Path, prefix: str) -> Generator[Path]:
     """Give a folder on the same disk that nobody else can look into, for as long as it is used."""
-    with tempfile.TemporaryDirectory(prefix=prefix, dir=target.parent) as staging:
+    with (
+        tempfile.TemporaryDirectory(prefix=prefix, dir=target.parent) as staging,
+        _locked(Path(staging)),
+    ):
         yield Path(staging)
 
 
 def clear_staging(folder: Path, prefix: str) -> None:
-    """Remove what backups that were killed have left."""
+    """Remove what work that was killed has left: full copies of database and secrets."""
     for left in folder.glob(f"{prefix}*"):
-        shutil.rmtree(left, ignore_errors=True)
+        with _locked(left) as is_left:
+            if is_left:
+                shutil.rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def _locked(staging: Path) -> Generator[bool]:
+    """Hold a folder, if nobody does; tell whether it is held. The end of its process frees it."""
+    try:
+        lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        yield False
+        return
+    try:
+        yield _has_taken(lock)
+    finally:
+        os.close(lock)
+
+
+def _has_taken(lock: int) -> bool:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a disk without locks, as some of other machines
+        return True
+    return True
 
 
 @contextmanager

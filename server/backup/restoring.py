@@ -14,11 +14,13 @@ from db.engine import shown_url
 from db.fault import StoreUnavailableError
 from robot_link.whole_file import keep_names
 from server.backup.archive import BLOCK_BYTES, ByteSource, read_archive
-from server.backup.content import CLOCK, DUMP, KEPT, SQLITE
+from server.backup.content import BRIDGED, CLOCK, DUMP, KEPT, SQLITE
 from server.backup.failure import BackupError
-from server.backup.making import beside, written
+from server.backup.making import STAGING, beside, clear_staging, written
 from server.backup.sealing import MAGIC, Opener, Seal, Unsealing
 
+_RESTORING: Final = f"{STAGING}restore-"
+_PLACING: Final = f"{STAGING}place-"
 _SQLITE_BEGINS: Final = b"SQLite format 3\0"
 
 
@@ -39,7 +41,8 @@ def restore_backup(
         StoreError: If the database cannot be written.
     """
     place = care.sqlite_file(database_url)
-    with written(folder), beside(folder / SQLITE) as staging:
+    clear_staging(folder, _RESTORING)
+    with written(folder), beside(folder / SQLITE, _RESTORING) as staging:
         _unpack(source, staging, opener)
         fresh = _database(source, staging, is_sqlite=place is not None)
         moves = _moves(staging, folder)
@@ -125,7 +128,7 @@ def _moves(staging: Path, folder: Path) -> list[_Move]:
     Raises:
         BackupError: If something would be lost.
     """
-    files = [staging / CLOCK]
+    files = [staging / name for name in (CLOCK, *BRIDGED)]
     for name in KEPT:
         files += sorted(file for file in (staging / name).rglob("*") if file.is_file())
     moves = [_Move(file, folder / file.relative_to(staging)) for file in files]
@@ -155,7 +158,8 @@ def _put_file(fresh: Path, place: Path, moves: list[_Move]) -> None:
     _refuse_to_replace(place.with_name(f"{place.name}{end}") for end in ("", "-wal", "-shm"))
     with written(place):
         place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with beside(place) as near:
+        clear_staging(place.parent, _PLACING)
+        with beside(place, _PLACING) as near:
             # It may be on another disk than the folder, and appears whole or not at all.
             fresh = Path(shutil.move(fresh, near / SQLITE))
             # The database last: as long as there is none, the same can be done again.

@@ -4,7 +4,7 @@ from typing import Final
 
 from db.fault import StoreError
 from server.backup.failure import BackupError
-from server.backup.making import BackupOrder, MadeBackup, clear_staging, make_backup
+from server.backup.making import BackupOrder, MadeBackup, make_backup
 from server.base.study import Refusal
 from server.base.worker import IsCancelled, Report, WorkCancelledError
 
@@ -12,7 +12,7 @@ TASK: Final = f"{__name__}:run"
 
 
 def run(order: BackupOrder, report: Report, is_cancelled: IsCancelled) -> MadeBackup | Refusal:
-    """Make a backup, after what killed ones have left was removed.
+    """Make a backup.
 
     Raises:
         WorkCancelledError: If it is not wanted any more.
@@ -23,7 +23,6 @@ def run(order: BackupOrder, report: Report, is_cancelled: IsCancelled) -> MadeBa
             raise WorkCancelledError
         report((share, words))
 
-    clear_staging(order.target.parent, order.staging)
     try:
         return make_backup(order, tell)
     except (BackupError, StoreError) as error:

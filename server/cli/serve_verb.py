@@ -18,6 +18,7 @@ from server.cli.data_folder import LOG_FOLDER, DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.option import add_data_option
 from server.cli.service.manager import ServiceManager
+from server.cli.service.preparation import clear_killed_work
 from server.cli.service.station_process import StationProcess
 from server.cli.service.succession import OPTION, Heirloom, SuccessionError
 from server.system.certificate import CertificateError
@@ -107,6 +108,7 @@ def run(arguments: Namespace) -> int:
             logged_to_files(settings.data_dir / LOG_FOLDER, log_bytes),
             _listener(settings, heirloom.listener if heirloom else inherited) as at,
         ):
+            clear_killed_work(settings.data_dir)
             is_alone = arguments.parent_pid is None and os.getpid() != 1
             process = StationProcess(settings, manager, at, lock, may_be_replaced=is_alone)
             asyncio.run(process.run(heirloom))

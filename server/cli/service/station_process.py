@@ -79,7 +79,7 @@ class StationProcess:
         if heirloom is not None:
             shelf = predecessor = Predecessor(heirloom)
             try:
-                await prepare(self._settings)
+                await prepare(self._settings, predecessor.preparing)
             except SuccessionError as error:
                 predecessor.refuse(str(error))
                 raise

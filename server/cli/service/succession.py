@@ -6,6 +6,7 @@ message, the descriptors of radio lines travel beside them:
 ===============  ===================  =============================================================
 who says it      message              what has happened
 ===============  ===================  =============================================================
+the new one      ``preparing``        it packs a backup, and has come further
 the new one      ``prepared``         its program is loaded, its settings and the database fit
 the new one      ``refused``          instead: it cannot serve, and says why
 the running one  ``yours``            it serves nobody any more and has let go of the database
@@ -32,16 +33,18 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from robot_link.clock import monotonic_s
 from robot_link.transport.shelf import KeptLine, Sender, Shelf
 from server.cli.service.manager import OF_ONE_PROCESS, ServiceManager
 
 PREPARED_S: Final = 900.0
-"""Longest preparation, which may pack a backup."""
+"""Longest time of a preparation without a word; it may pack a backup, and tells how that goes."""
 STARTED_S: Final = 900.0
 """Longest time from letting go to being ready, which may change the schema of the database."""
 _ANSWER_S: Final = 30.0
 """Longest wait for the other process amid a handover."""
 _SIGN_OF_LIFE_S: Final = 5.0
+_PREPARING_PERIOD_S: Final = 1.0
 _MESSAGE_BYTES: Final = 1 << 18
 OPTION: Final = "--take-over"
 
@@ -154,8 +157,7 @@ class Successor:
                 raise SuccessionError(f"{python} cannot be started ({error.strerror})") from error
         successor = cls(process, Channel(ours))
         try:
-            async with asyncio.timeout(PREPARED_S):
-                message = await successor._channel.next()
+            message = await successor._prepared()
         except (EOFError, TimeoutError) as error:
             await successor.end()
             raise SuccessionError("it did not start; its log says why") from error
@@ -166,6 +168,14 @@ class Successor:
             await successor.end()
             raise SuccessionError(str(message["why"]))
         return successor
+
+    async def _prepared(self) -> Mapping[str, Any]:
+        """Return what it says once it is prepared, or refuses."""
+        while True:
+            async with asyncio.timeout(PREPARED_S):
+                message = await self._channel.next()
+            if message["is"] != "preparing":
+                return message
 
     async def take_over(self, shelf: Shelf, manager: ServiceManager) -> None:
         """Hand everything over.
@@ -234,7 +244,19 @@ class Predecessor(Shelf):
     def __init__(self, heirloom: Heirloom) -> None:
         super().__init__()
         self._channel = Channel(socket.socket(fileno=heirloom.channel))
+        self._said_at_s = -_PREPARING_PERIOD_S
         self._is_filled = asyncio.Event()
+
+    def preparing(self, share: float, words: str) -> None:
+        """Say that the preparation has come further, now and then. May be called from a thread.
+
+        Raises:
+            EOFError: If the running process has ended.
+        """
+        now_s = monotonic_s()
+        if now_s >= self._said_at_s + _PREPARING_PERIOD_S:
+            self._said_at_s = now_s
+            self._channel.say("preparing", share=share, words=words)
 
     async def wait(self) -> None:
         """Say that all is prepared, and wait until the running process has let go.

@@ -11,8 +11,10 @@ from random import Random
 
 import pytest
 from alembic import command
-from sqlalchemy import text
+from sqlalchemy import select, text
 
+from db import care
+from db.bridge import Bridge
 from db.care import complaints
 from db.dump import dump_complaint
 from db.engine import write_engine
@@ -20,14 +22,17 @@ from db.fault import StoreUnavailableError
 from db.migrate import configuration, schema_version
 from db.query.fleet.robots import add_robot, list_robots
 from db.store import Store
+from db.tables import RawFrameRow
+from robot_link.messages import RawFrame
 from server.backup import task
 from server.backup.failure import BackupError
 from server.backup.key import PrivateKey
-from server.backup.making import BackupOrder, MadeBackup, make_backup
+from server.backup.making import BY_HAND, BackupOrder, MadeBackup, beside, make_backup
 from server.backup.restoring import restore_backup
 from server.backup.shelf import Shelf
 from tests.db.conftest import robot_record
 from tests.db.old_schema import RowMaker, reflected
+from tests.db.test_store_fault import wait_until
 from tests.postgresql_server import PostgresqlServer, postgresql_server
 from tests.server.backup.conftest import fatten
 
@@ -109,6 +114,53 @@ def test_a_maker_that_is_killed_leaves_nothing_that_counts_as_a_backup(data, tmp
     (tmp_path / "other").mkdir()
     restore_backup(target, tmp_path / "other", other)
     assert robots_in(other) == ["mini-1"]
+
+
+def test_what_killed_work_left_goes_with_the_next_and_what_others_use_stays(data, tmp_path):
+    disk, other = tmp_path / "disk", tmp_path / "other"
+    for left in (disk / f"{BY_HAND}killed", other / ".grace-restore-killed"):
+        left.mkdir(parents=True)
+        (left / "station.sqlite3").write_text("all secrets")
+    target = disk / "lake.tar.gz"
+    with beside(disk / "another.tar.gz", BY_HAND) as used:
+        make_backup(BackupOrder(data, f"sqlite:///{data / 'station.sqlite3'}", target))
+        assert set(disk.iterdir()) == {target, used}
+    restore_backup(target, other, f"sqlite:///{other / 'station.sqlite3'}")
+    assert not list(other.glob(".grace-*"))
+
+
+@pytest.mark.parametrize("is_emptied", [False, True])
+def test_a_row_of_the_bridge_journal_is_restored_once(data, tmp_path, monkeypatch, is_emptied):
+    """Also where it reaches the database while the backup is made."""
+    bridge = Bridge(data)
+    at = datetime(2026, 3, 1, tzinfo=UTC)
+    bridge.put(bridge.batch([RawFrame(None, "xbee", outgoing=False, data=b"kept", at=at)]))
+    bridge.close()
+    url, other = f"sqlite:///{data / 'station.sqlite3'}", tmp_path / "other"
+    copy = care.copy_sqlite
+
+    def copy_later(*words):
+        if is_emptied:
+            assert packets_in(url, data) == [b"kept"]
+        copy(*words)
+
+    monkeypatch.setattr(care, "copy_sqlite", copy_later)
+    make_backup(BackupOrder(data, url, tmp_path / "lake.tar.gz"))
+    other.mkdir()
+    restored = f"sqlite:///{other / 'station.sqlite3'}"
+    restore_backup(tmp_path / "lake.tar.gz", other, restored)
+    assert packets_in(restored, other) == [b"kept"]
+
+
+def packets_in(url: str, folder: Path) -> list[bytes]:
+    """Return the packets in a database, once the bridge journal has reached it."""
+    store = Store.open(url, bridge_dir=folder)
+    try:
+        wait_until(lambda: store.waiting_rows == 0)
+        with store.read() as session:
+            return list(session.scalars(select(RawFrameRow.data)))
+    finally:
+        store.close()
 
 
 def test_a_disk_that_lost_what_was_written_is_found_before_the_file_has_its_name(

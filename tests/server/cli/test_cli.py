@@ -147,6 +147,21 @@ def test_a_port_that_is_taken_is_named(verb, folder, capsys):
     assert f"Port {port}" in capsys.readouterr().err
 
 
+def test_a_station_that_starts_removes_what_killed_backups_and_restores_left(
+    folder, tmp_path, capsys
+):
+    no_key = tmp_path / "key.pem"
+    no_key.write_text("no key")
+    left = [folder / ".grace-restore-killed", folder / "before-upgrade" / ".grace-by-hand-killed"]
+    for staging in left:
+        staging.mkdir(parents=True)
+        (staging / "station.sqlite3").write_text("all secrets")
+    tls = ("--tls-certificate", no_key, "--tls-key", no_key)
+    assert grace("serve", "--data", folder, "--port", "0", *tls) == 1
+    assert "key.pem" in capsys.readouterr().err
+    assert not any(staging.exists() for staging in left)
+
+
 def test_the_database_is_copied_while_it_is_used(folder, tmp_path, capsys):
     grace("token", "create", "--role", "viewer", "--data", folder)
     assert grace("db", "backup", tmp_path / "copy.sqlite3", "--data", folder) == 0

@@ -51,6 +51,20 @@ async def test_a_database_of_an_older_schema_is_backed_up_and_not_changed_yet(se
     assert list((settings.data_dir / FOLDER).iterdir()) == [backup]
 
 
+async def test_a_backup_tells_how_far_it_is_and_takes_away_what_a_killed_one_left(settings):
+    database(settings, "0040")
+    left = settings.data_dir / FOLDER / ".grace-by-hand-killed"
+    left.mkdir(parents=True)
+    (left / "station.sqlite3").write_text("all secrets")
+    told = []
+    await prepare(settings, lambda share, words: told.append((share, words)))
+    (backup,) = (settings.data_dir / FOLDER).iterdir()
+    assert backup.suffix == ".gz"
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.5
+
+
 async def test_a_database_of_a_newer_schema_keeps_a_version_from_taking_over(settings):
     database(settings, "head")
     engine = write_engine(settings.resolved_database_url)
