@@ -22,8 +22,8 @@ from server.backup import task
 from server.backup.failure import BackupError
 from server.backup.making import BackupOrder, MadeBackup, clear_staging
 from server.backup.rotation import kept
-from server.backup.settings import BackupSettings, read_settings, station_mark
-from server.backup.shelf import Room, Shelf, ShelvedBackup
+from server.backup.settings import BackupSettings, read_settings
+from server.backup.shelf import Room, Shelf, ShelvedBackup, station_mark
 from server.base.event_bus import JobChanged
 from server.base.foundation import STUDY_NICENESS, Foundation
 from server.base.job import JobError, JobPerKey, JobProgress
@@ -98,7 +98,7 @@ class Backups:
 
     async def load(self) -> None:
         """Learn by which mark this station's backups are known."""
-        self._mark = await self._foundation.store.write(station_mark)
+        self._mark = await asyncio.to_thread(station_mark, self._foundation.settings.data_dir)
 
     @property
     def job(self) -> str | None:

@@ -3,7 +3,6 @@
 They are an administrator's: whoever changes them decides where the station's secrets are written.
 """
 
-import secrets
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -16,7 +15,6 @@ from server.backup.key import KEY_LENGTH, PublicKey
 from server.base.view import Body, one_of
 
 _NAME: Final = "backup"
-_MARK: Final = "backup_mark"
 DAILY, EVERY_FEW_HOURS = "daily", "hours"
 
 
@@ -99,15 +97,3 @@ def save_settings(session: Session, settings: BackupSettings) -> None:
     """Save the settings."""
     document: dict[str, Any] = settings.model_dump(mode="json")
     put_setting(session, _NAME, document)
-
-
-def station_mark(session: Session) -> str:
-    """Return what tells this station's backups from others' in a folder, made at first need.
-
-    A station that was restored has the mark that it had.
-    """
-    kept = get_setting(session, _MARK)
-    if kept is None:
-        kept = {"mark": secrets.token_hex(3)}
-        put_setting(session, _MARK, kept)
-    return str(kept["mark"])

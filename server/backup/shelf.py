@@ -2,6 +2,7 @@
 
 import os
 import re
+import secrets
 import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,10 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from robot_link.whole_file import replace_file
 from server.backup.failure import BackupError
 
 _SEALED: Final = ".sealed"
 _STAMP: Final = "%Y%m%dT%H%M%SZ"
+_MARK: Final = "backup.mark"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,23 @@ class Room:
     free_bytes: int
     is_same_disk: bool
     """Whether the data folder is on it, too: both are lost together."""
+
+
+def station_mark(data_dir: Path) -> str:
+    """Return what tells this station's backups from others' in a folder, made at first need.
+
+    It lies in the data folder, and in no backup: a station that was restored is another one, and
+    must remove none of the backups of a station that may still run. Blocks on the disk.
+
+    Raises:
+        OSError: If it cannot be read or kept.
+    """
+    file = data_dir / _MARK
+    mark = file.read_text().strip() if file.exists() else ""
+    if re.fullmatch(r"[0-9a-f]{6}", mark) is None:
+        mark = secrets.token_hex(3)
+        replace_file(file, mark.encode(), mode=0o600)
+    return mark
 
 
 class Shelf:

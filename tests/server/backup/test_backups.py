@@ -2,6 +2,7 @@
 
 import asyncio
 import stat
+from datetime import timedelta
 
 import pytest
 
@@ -283,4 +284,16 @@ async def test_a_backup_holds_what_was_committed_before_it(here):
     async with backed_up(other, here.folder, here.wall) as again:
         kept = await again.foundation.store.query(lambda session: get_setting(session, "mark"))
         assert kept == {"n": 1}
-        assert [one["name"] for one in (await again.view())["backups"]] == here.files()
+
+
+async def test_a_restored_station_removes_no_backup_of_the_one_that_it_came_from(here):
+    await here.set_up(keep_days=0, keep_weeks=0, keep_months=0)
+    told = await ended(here, await here.back_up())
+    [first] = await until_there_are(here, 1)
+    other = restored(here, told["result"]["file"])
+    here.wall.at += timedelta(days=1)
+    async with backed_up(other, here.folder, here.wall) as twin:
+        assert (await twin.view())["backups"] == []
+        await ended(twin, await twin.back_up())
+        [own] = await until_there_are(twin, 1)
+        assert set(twin.files()) == {first["name"], own["name"]}
