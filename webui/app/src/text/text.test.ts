@@ -173,7 +173,7 @@ test.each([
 
 describe('a station with a fault', () => {
   const storage = { ok: true, message: '' } as Health['storage'];
-  const said = (reasons: string[]) => healthSentence({ storage, reasons } as Health);
+  const said = (reasons: string[]) => healthSentence({ storage, reasons });
 
   test('says which', () => {
     expect(said(['Only 312 MB are free where the data folder is.'])).toBe(

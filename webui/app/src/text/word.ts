@@ -247,7 +247,7 @@ export function capital(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
-export function healthSentence(health: Health): string | null {
+export function healthSentence(health: Pick<Health, 'storage' | 'reasons'>): string | null {
   if (!health.storage.ok) {
     return `Storage fault: ${health.storage.message} No plan is accepted until it is cured.`;
   }
