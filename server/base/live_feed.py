@@ -59,7 +59,8 @@ _encoder = msgspec.json.Encoder()
 @dataclass(slots=True)
 class _Part:
     robot: str | None
-    value: Value
+    value: Value | None
+    """``None`` once it was asked for: it may hold a whole plan."""
     public: Value | None = None
     changed: int = 0
     """Tick of the newest encoding."""
@@ -262,8 +263,11 @@ class LiveFeed:
         while self._due:
             part = self._due.pop()
             part.is_due = False
+            value, part.value = part.value, None
+            if value is None:
+                continue
             try:
-                part.encoded = msgspec.Raw(_encoder.encode(part.value()))
+                part.encoded = msgspec.Raw(_encoder.encode(value()))
             except Exception:  # what one capability cannot show must not silence the others
                 log.exception("a part of the live stream is not shown")
             else:

@@ -35,8 +35,6 @@ GIVEN_UP = "survey stopped"
 ENDED = ("done", "failed", "stopped")
 """States that only a person's word leads out of."""
 _LEVELS = {"failed": "warning", "stopped": "watch"}
-_KEPT_IN_MEMORY = 50
-
 log = logging.getLogger(__name__)
 
 
@@ -58,6 +56,7 @@ class MissionLedger:
         self._bus = foundation.bus
         self._fleet = fleet
         self._known: dict[str, tuple[MissionRecord, list[PlanRecord]]] = {}
+        """The missions that robots show, and the one that was read last."""
         self._changed: dict[str, None] = {}
         """Missions that were changed with something else, in order."""
         self._has_changed = asyncio.Event()
@@ -232,13 +231,12 @@ class MissionLedger:
     async def _read(self, mission: str) -> None:
         """Read a mission and its plans after a change, and tell of it."""
         record, plans = await self.get(mission), await self.plans(mission)
-        self._known.pop(mission, None)
         self._known[mission] = (record, plans)
-        if len(self._known) > _KEPT_IN_MEMORY:
-            del self._known[next(iter(self._known))]
         shown = self._fleet.status(record.robot).mission_id
         if shown is None or shown == mission or not self._is_newer(shown, record):
             self._fleet.set_mission(record.robot, mission)
+        kept = {mission, *(status.mission_id for status in self._fleet.statuses)}
+        self._known = {key: known for key, known in self._known.items() if key in kept}
         self._bus.publish(MissionChanged(mission, record.robot))
 
     def robot_said_more(self, robot: str) -> None:

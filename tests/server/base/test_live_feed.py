@@ -1,5 +1,7 @@
 import asyncio
+import gc
 import json
+import weakref
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 
@@ -322,3 +324,21 @@ async def test_a_hundred_alike_get_one_text_and_one_who_does_not_read_holds_up_n
     stalled.free.set()
     await stalled.until(lambda: len(stalled.batches) > 1)
     assert stalled.batches[-1]["robots"]["mini-1"] == {"depth_m": 2.0}
+
+
+async def test_what_was_said_is_not_kept_to_be_said_again(feed):
+    class Plan:
+        legs = "a long story"
+
+    def put():
+        plan = Plan()
+        feed.put("plans", "plan-1", lambda: plan.legs, "mini-1")
+        return weakref.ref(plan)
+
+    kept = put()
+    client = Client(feed)
+    await until(lambda: any("plan-1" in batch.get("plans", {}) for batch in client.batches))
+    gc.collect()
+    assert kept() is None
+    later = Client(feed)
+    await until(lambda: any("plan-1" in batch.get("plans", {}) for batch in later.batches))
