@@ -64,7 +64,7 @@ def insert_samples(session: Session, samples: Iterable[NewSample]) -> None:
     rows = [
         _sample_row(by_number[number], channels, log_keys[log])
         for log, by_number in by_log.items()
-        for number in _claimed(session, log_keys[log], sorted(by_number))
+        for number in claim(session, log_keys[log], sorted(by_number))
     ]
     if rows:
         session.execute(insert(SampleRow), rows)
@@ -205,7 +205,7 @@ def _near(session: Session, log_key: int, numbers: Sequence[int]) -> list[tuple[
     return [(row.first, row.last) for row in near]
 
 
-def _claimed(session: Session, log_key: int, numbers: Sequence[int]) -> list[int]:
+def claim(session: Session, log_key: int, numbers: Sequence[int]) -> list[int]:
     """Return those of ascending numbers of a log that were not kept, and note them as kept."""
     kept = _near(session, log_key, numbers)
     new = _outside(numbers, kept)

@@ -33,7 +33,7 @@ from db.query.storage.prunable import (
     of_time,
 )
 from db.query.storage.taking import Row, sum_up_again
-from db.sample_ingest import channel_keys
+from db.sample_ingest import channel_keys, claim
 from db.sample_tables import FINE_S, ChannelRow, SampleLog
 from db.state_sums import sum_up_late
 from db.storage_tables import NOBODY, PrunedDayRow
@@ -160,11 +160,12 @@ def put_back(
     Raises:
         LookupError: If the station does not know a robot of theirs.
     """
-    keys = _Keys(session, names)
+    keys = _Keys(session, names, rows)
     plain_rows = [keys.translated(row) for row in rows]
     own = [column.name for column in kind.table.columns]
     back = insert_new(session, kind.model, [_typed(kind.model, row, own) for row in plain_rows])
     if kind.key == "samples":
+        _claim_numbers(session, plain_rows)
         for one in BESIDE_SAMPLES:
             _put_beside(session, one, plain_rows)
     if kind.key == "states":
@@ -191,6 +192,15 @@ def forget_moved(session: Session, kind: str, robot_keys: Collection[int], day: 
         )
     ):
         session.delete(row)
+
+
+def _claim_numbers(session: Session, rows: Sequence[Row]) -> None:
+    """Note that samples are kept, so that none is taken for new when its robot sends it again."""
+    numbers: dict[int, set[int]] = defaultdict(set)
+    for row in rows:
+        numbers[row["log_key"]].add(row["sequence"])
+    for log_key, of_log in numbers.items():
+        claim(session, log_key, sorted(of_log))
 
 
 def _put_beside(session: Session, beside: type[Base], rows: Sequence[Row]) -> None:
@@ -223,25 +233,33 @@ def _table(model: type[Base]) -> Table:
 
 
 class _Keys:
-    """What the numbers of a file are in this database."""
+    """What the numbers in rows of a file are in this database."""
 
-    def __init__(self, session: Session, names: Mapping[str, Any]) -> None:
+    def __init__(self, session: Session, names: Mapping[str, Any], rows: Sequence[Row]) -> None:
         known = {row.id: row.key for row in session.execute(select(Robot.id, Robot.key))}
         self._robots = {int(key): known.get(name) for key, name in names["robots"].items()}
         self._names = names["robots"]
         channels = names.get("channels", {})
         ours = channel_keys(session, channels.values()) if channels else {}
         self._channels = {int(key): ours[name] for key, name in channels.items()}
-        self._logs = {
-            int(key): self._log(session, log, at_us)
-            for key, (log, at_us) in names.get("logs", {}).items()
-        }
+        self._logs = (
+            {
+                log_key: self._log(session, robot_key, *names["logs"][str(log_key)])
+                for log_key, robot_key in {row["log_key"]: row["robot_key"] for row in rows}.items()
+            }
+            if "logs" in names
+            else {}
+        )
         self._calibrations = set(session.scalars(select(CameraCalibrationRow.key)))
 
-    def _log(self, session: Session, log: int, at_us: int) -> int:
-        robot_key = next(iter(self._robots.values()))
-        if robot_key is None:
-            raise LookupError(f"There is no robot {next(iter(self._names.values()))}.")
+    def _robot(self, theirs: int) -> int:
+        key = self._robots.get(theirs)
+        if key is None:
+            raise LookupError(f"There is no robot {self._names.get(str(theirs), theirs)}.")
+        return key
+
+    def _log(self, session: Session, robot: int, log: int, at_us: int) -> int:
+        robot_key = self._robot(robot)
         row = session.scalar(
             select(SampleLog).where(SampleLog.robot_key == robot_key, SampleLog.log == log)
         )
@@ -253,11 +271,8 @@ class _Keys:
 
     def translated(self, row: Row) -> dict[str, Any]:
         found = dict(row)
-        theirs = row["robot_key"]
-        if theirs is not None:
-            found["robot_key"] = self._robots.get(theirs)
-            if found["robot_key"] is None:
-                raise LookupError(f"There is no robot {self._names.get(str(theirs), theirs)}.")
+        if row["robot_key"] is not None:
+            found["robot_key"] = self._robot(row["robot_key"])
         if "channel_key" in row:
             found["channel_key"] = self._channels[row["channel_key"]]
         if "log_key" in row:

@@ -1,4 +1,5 @@
 import gzip
+import shutil
 from datetime import timedelta
 
 import pytest
@@ -12,6 +13,7 @@ from db.query.storage.prunable import PRUNABLE, day_of
 from db.sample_tables import FINE_S, SampleRollup, SampleRow
 from db.state_sums import StateRollup, sum_up_next
 from db.storage_tables import ArchiveFileRow, PrunedDayRow
+from db.store import Store
 from db.tables import Deployment, RawFrameRow, StateRow
 from robot_link.storage_config import StorageConfig
 from server.storage.archive import ArchiveError
@@ -184,6 +186,23 @@ def test_what_was_moved_comes_back_as_it_was(kept, tmp_path, kind):
         assert rows(kept, sums) == sums_before
     with kept.read() as session:
         assert session.scalars(select(PrunedDayRow)).all() == []
+
+
+def test_a_robot_is_heard_after_its_samples_were_read_into_another_station(
+    kept, tmp_path, prepared_database
+):
+    prune(kept, tmp_path, config(samples=("move", {})))
+    shutil.copy(prepared_database, tmp_path / "other.sqlite3")
+    other = Store.open(f"sqlite:///{tmp_path / 'other.sqlite3'}")
+    try:
+        for file in sorted((tmp_path / "archive").rglob("*.gz")):
+            assert restore_file(other, tmp_path / "elsewhere", file, NOW) == 360
+        before, sums = rows(other, SampleRow), rows(other, SampleRollup)
+        other.append([*day_of_robot(0), *day_of_robot(1)]).result(120)
+        assert (rows(other, SampleRow), rows(other, SampleRollup)) == (before, sums)
+        assert len(rows(other, StateRow)) == 720
+    finally:
+        other.close()
 
 
 def test_what_was_read_back_stays_for_a_while(kept, tmp_path):
