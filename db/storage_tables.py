@@ -14,7 +14,8 @@ NOBODY = 0
 class PrunedDayRow(Base):
     """What went of one kind of data, of one robot and one day (UTC), in one way.
 
-    Counted in the transactions in which the rows go, so that it tells of no row too many or few.
+    Counted in the transactions in which the rows go, or come back from files, so that it tells of
+    no row too many or few.
     """
 
     __tablename__ = "pruned_day"
@@ -54,6 +55,7 @@ class ArchiveFileRow(Base):
     first_at: Mapped[datetime]
     last_at: Mapped[datetime]
     state: Mapped[str]
-    """``written``: the rows are in both; ``moved``: in the file alone; ``restored``: back."""
+    """``written``: the rows are in both, or on their way out; ``moved``: those that might go are in
+    the file alone; ``restored``: back, or on their way."""
     written_at: Mapped[datetime]
     restored_at: Mapped[datetime | None]

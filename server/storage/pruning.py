@@ -290,7 +290,8 @@ class Pruner:
             row = session.get(ArchiveFileRow, key)
             if row is None:
                 raise ArchiveError(f"The note of file {key} is missing.")
-            row.state = "moved"
+            if row.state == "written":  # Else it is being read back.
+                row.state = "moved"
 
         self._store.change(change).result()
 

@@ -1,6 +1,6 @@
 """Reads files of moved rows back into the database."""
 
-from datetime import UTC, datetime
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -8,12 +8,11 @@ from typing import Final
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.query.storage.prunable import PRUNABLE, day_of
-from db.query.storage.rows import forget_moved, put_back
+from db.query.storage.prunable import PRUNABLE
+from db.query.storage.rows import put_back
 from db.query.storage.taking import Row
-from db.storage_tables import NOBODY, ArchiveFileRow
+from db.storage_tables import ArchiveFileRow
 from db.store import Store
-from db.tables import Robot
 from server.storage.archive import (
     FOLDER,
     ArchiveError,
@@ -54,23 +53,24 @@ def restore_file(store: Store, data_dir: Path, file: Path, now: datetime) -> int
     kind = PRUNABLE.get(header.kind)
     if kind is None:
         raise ArchiveError(f"{file} holds {header.kind}, which this station does not know.")
-    back = 0
+    if noted is not None:
+        _hold_day(store, noted.key, now)
     rows = read_rows(file, header)
+    back = 0
     while piece := list(islice(rows, _ROWS_AT_ONCE)):
         back += _put(store, file, header, piece)
-    day = day_of(datetime.fromisoformat(header.day).replace(tzinfo=UTC))
+    return back
 
-    def note(session: Session) -> None:
-        robots = session.scalars(
-            select(Robot.key).where(Robot.id.in_(header.names["robots"].values()))
-        )
-        forget_moved(session, kind.key, [*robots, NOBODY], day)
-        row = None if noted is None else session.get(ArchiveFileRow, noted.key)
+
+def _hold_day(store: Store, key: int, now: datetime) -> None:
+    """Have passes leave the day of a file alone; said before its first row is back."""
+
+    def change(session: Session) -> None:
+        row = session.get(ArchiveFileRow, key)
         if row is not None:
             row.state, row.restored_at = "restored", now
 
-    store.change(note).result()
-    return back
+    store.change(change).result()
 
 
 def _put(store: Store, file: Path, header: Header, rows: list[Row]) -> int:

@@ -32,11 +32,11 @@ from db.query.storage.prunable import (
     beside_columns,
     of_time,
 )
-from db.query.storage.taking import Row, sum_up_again
+from db.query.storage.taking import Row, note_back, sum_up_again
 from db.sample_ingest import channel_keys, claim
 from db.sample_tables import FINE_S, ChannelRow, SampleLog
 from db.state_sums import sum_up_late
-from db.storage_tables import NOBODY, PrunedDayRow
+from db.storage_tables import NOBODY
 from db.tables import Base, Robot
 
 _AT_ONCE = 2000
@@ -157,13 +157,22 @@ def put_back(
 ) -> int:
     """Put rows back that were moved out; return how many were not there already.
 
+    These are told as moved no longer.
+
     Raises:
         LookupError: If the station does not know a robot of theirs.
     """
     keys = _Keys(session, names, rows)
     plain_rows = [keys.translated(row) for row in rows]
     own = [column.name for column in kind.table.columns]
-    back = insert_new(session, kind.model, [_typed(kind.model, row, own) for row in plain_rows])
+    by_day: dict[tuple[int, int], list[dict[str, Any]]] = defaultdict(list)
+    for row in plain_rows:
+        by_day[row["robot_key"] or NOBODY, row[kind.at] // DAY_US].append(row)
+    back = 0
+    for (robot_key, day), of_day in by_day.items():
+        new = insert_new(session, kind.model, [_typed(kind.model, row, own) for row in of_day])
+        note_back(session, kind.key, robot_key, day, new)
+        back += new
     if kind.key == "samples":
         _claim_numbers(session, plain_rows)
         for one in BESIDE_SAMPLES:
@@ -179,19 +188,6 @@ def put_back(
         for (robot_key, channel_key), touched in stretches.items():
             sum_up_again(session, kind, robot_key, channel_key, touched)
     return back
-
-
-def forget_moved(session: Session, kind: str, robot_keys: Collection[int], day: int) -> None:
-    """Forget that rows of a day were moved: they are back."""
-    for row in session.scalars(
-        select(PrunedDayRow).where(
-            PrunedDayRow.kind == kind,
-            PrunedDayRow.robot_key.in_(robot_keys),
-            PrunedDayRow.day == day,
-            PrunedDayRow.action == "move",
-        )
-    ):
-        session.delete(row)
 
 
 def _claim_numbers(session: Session, rows: Sequence[Row]) -> None:

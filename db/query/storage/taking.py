@@ -152,6 +152,17 @@ def _note(
     session.flush()
 
 
+def note_back(session: Session, kind: str, robot_key: int, day: int, rows: int) -> None:
+    """Note that rows of a day which had been moved to a file are in the tables again."""
+    row = session.get(PrunedDayRow, (kind, robot_key, day, "move", 0))
+    if row is None:
+        return
+    row.rows -= rows
+    if row.rows <= 0:
+        session.delete(row)
+    session.flush()
+
+
 def sum_up_again(
     session: Session,
     kind: Prunable,

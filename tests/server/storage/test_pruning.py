@@ -1,5 +1,6 @@
 import gzip
 import shutil
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
@@ -10,13 +11,15 @@ from db.quality_tables import ManualFlagRow
 from db.query.measured.rollup import counts
 from db.query.measured.telemetry import history
 from db.query.storage.prunable import PRUNABLE, day_of
+from db.query.storage.told import pruned_stretches
 from db.sample_tables import FINE_S, SampleRollup, SampleRow
 from db.state_sums import StateRollup, sum_up_next
 from db.storage_tables import ArchiveFileRow, PrunedDayRow
 from db.store import Store
 from db.tables import Deployment, RawFrameRow, StateRow
+from robot_link.messages import RawFrame, StateReport
 from robot_link.storage_config import StorageConfig
-from server.storage.archive import ArchiveError
+from server.storage.archive import ArchiveError, read_rows
 from server.storage.pruning import Pruner
 from server.storage.restoring import restore_file
 from tests.server.storage.conftest import DAY, NOW, ROBOT, day_of_robot
@@ -211,6 +214,60 @@ def test_what_was_read_back_stays_for_a_while(kept, tmp_path):
     for file in (tmp_path / "archive").rglob("*.gz"):
         restore_file(kept, tmp_path, file, NOW)
     assert prune(kept, tmp_path, rules).rows == 0
+
+
+def told(store):
+    with store.read() as session:
+        return [(one.kind, one.action, one.rows) for one in pruned_stretches(session, ROBOT)]
+
+
+def files_of_a_day(store, folder, kind, more):
+    """Move a day of a robot to a file, and rows that it gets thereafter to a second one."""
+    rules = config(**{kind: ("move", {})})
+    store.append(day_of_robot(0)).result(120)
+    prune(store, folder, rules)
+    store.append(more).result(120)
+    prune(store, folder, rules, again=True)
+    return sorted((folder / "archive").rglob("*.gz"), key=lambda file: file.stat().st_mtime_ns)
+
+
+@pytest.mark.parametrize("kind", ["raw", "states"])
+def test_one_of_two_files_of_a_day_brings_back_no_more_than_it_holds(store, ended, tmp_path, kind):
+    later = [
+        replace(
+            value, **{PRUNABLE[kind].at: getattr(value, PRUNABLE[kind].at) + timedelta(hours=2)}
+        )
+        for value in day_of_robot(0, every_s=20.0)
+        if isinstance(value, RawFrame if kind == "raw" else StateReport)
+    ]
+    first, second = files_of_a_day(store, tmp_path, kind, later)
+    assert told(store) == [(kind, "move", 540)]
+    restore_file(store, tmp_path, second, NOW)
+    assert told(store) == [(kind, "move", 360)]
+    restore_file(store, tmp_path, second, NOW)
+    assert told(store) == [(kind, "move", 360)]
+    restore_file(store, tmp_path, first, NOW)
+    assert told(store) == []
+
+
+def test_a_pass_beside_reading_back_takes_nothing_of_it(kept, tmp_path, monkeypatch):
+    rules = config(states=("move", {}))
+    before = rows(kept)
+    prune(kept, tmp_path, rules)
+    file = min((tmp_path / "archive").rglob("*.gz"))
+
+    def rows_and_a_pass(file, header):
+        for number, row in enumerate(read_rows(file, header)):
+            if number == 0:
+                prune(kept, tmp_path, rules)
+            yield row
+        prune(kept, tmp_path, rules)
+
+    monkeypatch.setattr("server.storage.restoring.read_rows", rows_and_a_pass)
+    monkeypatch.setattr("server.storage.restoring._ROWS_AT_ONCE", 100)
+    assert restore_file(kept, tmp_path, file, NOW) == 360
+    assert rows(kept) == before[:360]
+    assert told(kept) == [("states", "move", 360)]
 
 
 def test_a_damaged_file_is_not_read_back(kept, tmp_path):
