@@ -22,6 +22,7 @@ from robot_link.whole_file import keep_names, replace_file
 FOLDER: Final = "archive"
 MANIFEST: Final = "manifest.jsonl"
 FORMAT: Final = "grace archive 1"
+_STAY: Final = "its rows stay in the database"
 _BLOCK: Final = 1 << 20
 
 
@@ -68,7 +69,7 @@ def write_archive(file: Path, header: Header, rows: Iterable[Row], at: str) -> W
             fresh.unlink()
             return None
         if _contents(fresh) != (count, digest):
-            raise ArchiveError(f"{file} does not hold what was written to it.")
+            raise ArchiveError(f"{file} does not hold what was written to it; {_STAY}.")
         size, sha256 = fresh.stat().st_size, sha256_of(fresh)
         fresh.replace(file)
         for folder in (file.parent, file.parent.parent):
@@ -76,7 +77,9 @@ def write_archive(file: Path, header: Header, rows: Iterable[Row], at: str) -> W
     except OSError as error:
         with suppress(OSError):
             fresh.unlink(missing_ok=True)
-        raise ArchiveError(f"{file} cannot be written: {error.strerror or error}.") from error
+        raise ArchiveError(
+            f"{file} cannot be written: {error.strerror or error}; {_STAY}."
+        ) from error
     return Written(count, size, sha256, first_us, last_us)
 
 

@@ -28,6 +28,7 @@ SETTING: Final = "storage.pass"
 CAUSE: Final = "storage:pass"
 _PASS: Final = "storage pass"
 _PREVIEW: Final = "storage preview"
+_NOT_ALL: Final = "It did not see to everything."
 _STATION: Final = "the station"
 
 
@@ -127,7 +128,7 @@ class Passes:
             await thread.result(asyncio.to_thread(pruner.run, config, again=again))
             is_whole = True
         except ArchiveError as error:
-            raise JobError(f"{error} Nothing that it should hold was taken out.") from error
+            raise JobError(str(error)) from error
         finally:
             result = pass_result(pruner.result)
             await self._note(result, pruner.result.rows, is_whole=is_whole)
@@ -141,7 +142,7 @@ class Passes:
 
     async def _note(self, result: Mapping[str, Any], rows: int, *, is_whole: bool) -> None:
         at = self._clock.now()
-        message = result["message"] if is_whole else f"{result['message']} It was cut off."
+        message = result["message"] if is_whole else f"{result['message']} {_NOT_ALL}"
         self.last = {"at": at.isoformat(), "message": message, "is_whole": is_whole}
 
         def change(session: Session) -> None:
@@ -184,7 +185,7 @@ class Passes:
     async def _alarm(self, reason: str) -> None:
         await self._foundation.alarms.raise_(
             CAUSE,
-            f"The daily pass over what is kept was cut off: {reason}",
+            f"The daily pass over what is kept did not see to everything: {reason}",
             level="watch",
             action="See Settings, Storage; it is tried again at its hour.",
         )

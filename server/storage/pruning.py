@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from db.query.storage.hold import Hold, holds, is_held
@@ -32,7 +32,7 @@ from db.query.storage.prunable import (
 from db.query.storage.rows import HourOf, has_late_rows, names_in, old_rows, rows_of
 from db.query.storage.taking import HeldError, Row, mark_whole, take_rows, thinned_days
 from db.query.storage.thinning import kept_rows
-from db.storage_tables import NOBODY, ArchiveFileRow
+from db.storage_tables import NOBODY, ArchiveFileRow, PrunedDayRow
 from db.store import Store
 from db.tables import Robot
 from robot_link.storage_config import RawRule, SeriesRule, StorageConfig
@@ -133,9 +133,10 @@ class Pruner:
 
         Raises:
             StoreError: If the database does not answer; what was done stays done.
-            ArchiveError: If a file cannot be written, or is damaged.
+            ArchiveError: If a file cannot be written; or, once all else was seen to, if one that
+                rows left for is damaged or gone.
         """
-        self._finish_files()
+        bad = self._finish_files()
         due = [
             (PRUNABLE[key], rule_of(config, key))
             for key in PRUNABLE
@@ -143,6 +144,8 @@ class Pruner:
         ]
         for place, (kind, rule) in enumerate(due):
             self._prune(kind, rule, again, place / len(due), 1.0 / len(due))
+        if bad:
+            raise ArchiveError(" ".join(bad))
         return self.result
 
     @property
@@ -170,10 +173,7 @@ class Pruner:
                 self._go_on()
                 part = (place + number / len(found)) / len(robots)
                 self._report(begun + share * part, f"{kind.title} of {day_begins(day):%Y-%m-%d}")
-                try:
-                    self._prune_day(kind, rule, robot_key, day)
-                except HeldError:
-                    continue  # What may be touched was changed meanwhile.
+                self._prune_day(kind, rule, robot_key, day)
 
     def _prune_day(self, kind: Prunable, rule: Rule, robot_key: int, day: int) -> None:
         with self._store.read() as session:
@@ -197,14 +197,9 @@ class Pruner:
         period_s = period_of(rule)
         action = "thin" if rule.then == "thin" else "delete"
         where = old_rows(kind, before, out)
-        self._take(
-            kind,
-            gone_of_day(self._store, kind, robot_key, day, where, period_s),
-            action,
-            period_s,
-            before,
-        )
-        if action == "delete":
+        rows = gone_of_day(self._store, kind, robot_key, day, where, period_s)
+        might_go = self._take(kind, rows, action, period_s, before)
+        if action == "delete" or not might_go:
             return
         with self._store.read() as session:
             if has_late_rows(session, kind, robot_key, day, where):
@@ -257,33 +252,49 @@ class Pruner:
     def _new_file(self, session: Session, kind: Prunable, robot_key: int, day: int) -> Path:
         """Return the name of the next file of a day: never that of one which is noted."""
         name = session.scalar(select(Robot.id).where(Robot.key == robot_key)) or "all"
-        number = session.scalar(
-            select(func.count()).where(
-                ArchiveFileRow.kind == kind.key,
-                ArchiveFileRow.robot_key == robot_key,
-                ArchiveFileRow.day == day,
+        noted = set(
+            session.scalars(
+                select(ArchiveFileRow.path).where(
+                    ArchiveFileRow.kind == kind.key,
+                    ArchiveFileRow.robot_key == robot_key,
+                    ArchiveFileRow.day == day,
+                )
             )
         )
-        end = f"-{number + 1}" if number else ""
-        return self._folder / kind.key / name / f"{day_begins(day):%Y-%m-%d}{end}.jsonl.gz"
+        begin = f"{kind.key}/{name}/{day_begins(day):%Y-%m-%d}"
+        ends = ("", *(f"-{number}" for number in range(2, len(noted) + 2)))
+        paths = (f"{begin}{end}.jsonl.gz" for end in ends)
+        return self._folder / next(path for path in paths if path not in noted)
 
-    def _finish_files(self) -> None:
-        """Take out the rows of files that were written when a pass was cut off."""
+    def _finish_files(self) -> list[str]:
+        """Take out the rows of files that were written when a pass was cut off.
+
+        A file that is damaged or gone is forgotten if all its rows are still there.
+
+        Returns:
+            What is wrong with other files, sentences.
+        """
         with self._store.read() as session:
             left = [
-                (row.key, row.kind, row.path, row.sha256, row.written_at)
+                (row.key, row.kind, self._folder / row.path, row.sha256, row.written_at)
                 for row in session.scalars(
                     select(ArchiveFileRow).where(ArchiveFileRow.state == "written")
                 )
             ]
-        for key, kind, path, sha256, written_at in left:
+        bad: list[str] = []
+        for key, kind, file, sha256, written_at in left:
             self._go_on()
-            check_archive(self._folder / path, sha256)
             try:
-                self._empty_into(self._folder / path, PRUNABLE[kind], written_at)
-            except HeldError:
-                logger.info("%s holds rows of a day that may not be touched any more", path)
-            self._set_moved(key)
+                check_archive(file, sha256)
+                self._empty_into(file, PRUNABLE[kind], written_at)
+            except ArchiveError as error:
+                if self._store.change(lambda session, key=key: _forget_file(session, key)).result():
+                    logger.warning("%s Its rows are still in the database.", error)
+                else:
+                    bad.append(f"{error} Rows left the database for it: put it back from a backup.")
+            else:
+                self._set_moved(key)
+        return bad
 
     def _set_moved(self, key: int) -> None:
         def change(session: Session) -> None:
@@ -303,8 +314,13 @@ class Pruner:
 
     def _take(
         self, kind: Prunable, rows: Iterable[Row], action: Action, period_s: int, before: datetime
-    ) -> None:
-        """Take rows out, a few at a time, those of a robot and channel together."""
+    ) -> bool:
+        """Take rows out, a few at a time, those of a robot and channel together.
+
+        Returns:
+            Whether none was of a day that may not be touched, which can change at any time.
+        """
+        might_go = True
         for series in _series(rows, self._pace):
             self._go_on()
             begun: list[float] = []
@@ -315,10 +331,15 @@ class Pruner:
                 begun.append(time.perf_counter())
                 return take_rows(session, kind, series, action, period_s, self._now, before)
 
-            gone = self._store.change(change).result()
+            try:
+                gone = self._store.change(change).result()
+            except HeldError:
+                might_go = False
+                continue
             self.result.of(action)[kind.key] += gone
             self._pace.rest_after(time.perf_counter() - begun[0], len(series))
             self.result.longest_s = self._pace.longest_s
+        return might_go
 
 
 def gone_of_day(
@@ -341,6 +362,22 @@ def gone_of_day(
             with store.read() as session:
                 rows = list(rows_of(session, kind, of, where))
             yield from _doomed(kind, rows, period_s) if period_s else map(_key(kind), rows)
+
+
+def _forget_file(session: Session, key: int) -> bool:
+    """Forget a file unless rows of its day left for one; return whether it was."""
+    row = session.get(ArchiveFileRow, key)
+    if row is None:
+        return True
+    gone = select(PrunedDayRow).where(
+        PrunedDayRow.kind == row.kind, PrunedDayRow.day == row.day, PrunedDayRow.action == "move"
+    )
+    if PRUNABLE[row.kind].is_by_robot:
+        gone = gone.where(PrunedDayRow.robot_key == row.robot_key)
+    if session.scalars(gone).first() is not None:
+        return False
+    session.delete(row)
+    return True
 
 
 def _series(rows: Iterable[Row], pace: Pace) -> Iterator[list[Row]]:

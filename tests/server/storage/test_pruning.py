@@ -8,20 +8,22 @@ from sqlalchemy import func, select, update
 
 from db.column import microseconds
 from db.quality_tables import ManualFlagRow
+from db.query.fleet.robots import add_robot
 from db.query.measured.rollup import counts
 from db.query.measured.telemetry import history
-from db.query.storage.prunable import PRUNABLE, day_of
+from db.query.storage.prunable import PRUNABLE
 from db.query.storage.told import pruned_stretches
-from db.sample_tables import FINE_S, SampleRollup, SampleRow
+from db.sample_tables import FINE_S, ReadingRow, SampleRollup, SampleRow
 from db.state_sums import StateRollup, sum_up_next
 from db.storage_tables import ArchiveFileRow, PrunedDayRow
 from db.store import Store
 from db.tables import Deployment, RawFrameRow, StateRow
-from robot_link.messages import RawFrame, StateReport
+from robot_link.messages import RawFrame, RobotId, StateReport
 from robot_link.storage_config import StorageConfig
 from server.storage.archive import ArchiveError, read_rows
 from server.storage.pruning import Pruner
 from server.storage.restoring import restore_file
+from tests.db.conftest import robot_record
 from tests.server.storage.conftest import DAY, NOW, ROBOT, day_of_robot
 
 OLD = {"after_days": 30}
@@ -279,31 +281,61 @@ def test_a_damaged_file_is_not_read_back(kept, tmp_path):
     assert rows(kept) == []
 
 
-def test_nothing_goes_when_the_file_that_should_hold_it_is_gone(kept, tmp_path):
-    before = rows(kept)
+class CutOffError(Exception):
+    pass
 
-    def write_down(session):
-        session.add(
-            ArchiveFileRow(
-                kind="states",
-                robot_key=1,
-                day=day_of(DAY),
-                path="states/mini-1/gone.jsonl.gz",
-                rows=1,
-                bytes=1,
-                sha256="00",
-                first_at=DAY,
-                last_at=DAY,
-                state="written",
-                written_at=NOW,
-                restored_at=None,
-            )
-        )
 
-    kept.change(write_down).result(60)
-    with pytest.raises(ArchiveError):
-        prune(kept, tmp_path, StorageConfig())
+def begin_a_pass(store, folder, rules, until):
+    """Begin a pass that is cut off at its first step after there is a row in a table."""
+
+    def go_on():
+        if rows(store, until):
+            raise CutOffError
+
+    with pytest.raises(CutOffError):
+        Pruner(store, folder, NOW, go_on).run(rules)
+
+
+def test_a_file_that_is_gone_before_a_row_went_is_written_anew(kept, tmp_path):
+    before, rules = rows(kept), config(states=("move", {}))
+    begin_a_pass(kept, tmp_path, rules, ArchiveFileRow)
+    (file,) = (tmp_path / "archive").rglob("*.gz")
+    was = file.read_bytes()
+    file.unlink()
+    prune(kept, tmp_path, StorageConfig())
     assert rows(kept) == before
+    prune(kept, tmp_path, rules)
+    assert rows(kept) == []
+    assert file.read_bytes() == was
+    assert told(kept) == [("states", "move", 720)]
+
+
+def test_a_damaged_file_that_rows_left_for_holds_up_nothing_else(kept, tmp_path):
+    rules = config(states=("move", {}), readings=("delete", {}))
+    begin_a_pass(kept, tmp_path, rules, PrunedDayRow)
+    assert 0 < len(rows(kept)) < 720
+    (file,) = (tmp_path / "archive").rglob("*.gz")
+    was = file.read_bytes()
+    file.write_bytes(was[:-9])
+    with pytest.raises(ArchiveError, match=f"{file.name} is not what was written.*put it back"):
+        prune(kept, tmp_path, rules)
+    assert rows(kept) == rows(kept, ReadingRow) == []
+    file.write_bytes(was)
+    prune(kept, tmp_path, rules)
+    with kept.read() as session:
+        assert set(session.scalars(select(ArchiveFileRow.state))) == {"moved"}
+
+
+def test_raw_bytes_of_a_held_robot_do_not_keep_those_of_another(kept, tmp_path):
+    kept.change(lambda session: add_robot(session, robot_record("mini-2", 2))).result(60)
+    raw = [one for one in day_of_robot(0) if isinstance(one, RawFrame)]
+    kept.append([replace(one, robot=RobotId("mini-2")) for one in raw]).result(120)
+    begin_a_pass(kept, tmp_path, config(raw=("move", {})), ArchiveFileRow)
+    goes_on = update(Deployment).where(Deployment.robot_key == 1).values(ended_at=None)
+    kept.change(lambda session: session.execute(goes_on)).result(60)
+    prune(kept, tmp_path, StorageConfig())
+    with kept.read() as session:
+        assert set(session.scalars(select(RawFrameRow.robot_key))) == {1}
 
 
 def test_charts_of_thinned_samples_have_the_same_extremes(kept, tmp_path):
