@@ -17,6 +17,7 @@ from robot_link.storage_config import StorageConfig
 from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobPerKey, JobProgress, ThreadWork
+from server.base.retry_queue import until_stored
 from server.base.wakeups import Wakeups
 from server.storage.archive import FOLDER, ArchiveError, write_manifest
 from server.storage.preview import Previewer
@@ -50,19 +51,19 @@ class Passes:
     async def load(self) -> None:
         """Take up what the last pass did."""
         self.last = await self._store.query(lambda session: get_setting(session, SETTING))
-        await self._set_due()
+        self._set_due(await self._config())
 
     async def run(self) -> None:
         """Begin the daily pass whenever it is due, until cancelled."""
         while True:
             await self._wakeups.next()
-            due_at = self.next_at
-            await self._set_due()
-            if due_at is not None and due_at <= self._clock.now():
-                try:
-                    await self._passes.start(_PASS, self._daily, by=_STATION)
-                except StoreError as error:
-                    await self._alarm(str(error))
+            await until_stored("the daily pass over what is kept", self._begin_if_due)
+
+    async def _begin_if_due(self) -> None:
+        config = await self._config()
+        if self.next_at is not None and self.next_at <= self._clock.now():
+            await self._passes.start(_PASS, self._daily, by=_STATION)
+        self._set_due(config)
 
     def settings_changed(self, event: SettingsChanged) -> None:
         """Wait for the hour that is set now."""
@@ -136,8 +137,7 @@ class Passes:
                 gone = sum(pruner.result.of(way)[kind] for way in ("thin", "move", "delete"))
                 self._sizes.went(kind, {PRUNABLE[kind].table.name: gone})
             self._sizes.wake()
-        if pruner.result.files:
-            await self._write_manifest()
+        await self._write_manifest()
         return result
 
     async def _note(self, result: Mapping[str, Any], rows: int, *, is_whole: bool) -> None:
@@ -169,15 +169,19 @@ class Passes:
             ]
 
         files = await self._store.query(read)
+        if not files:
+            return
         folder = self._foundation.settings.data_dir / FOLDER
-        await asyncio.to_thread(write_manifest, folder, files)
+        try:
+            await asyncio.to_thread(write_manifest, folder, files)
+        except ArchiveError as error:
+            raise JobError(str(error)) from error
 
     async def _config(self) -> StorageConfig:
         current = await self._foundation.configurations.current("storage", None)
         return current.value_as(StorageConfig)
 
-    async def _set_due(self) -> None:
-        config = await self._config()
+    def _set_due(self, config: StorageConfig) -> None:
         has_rules = any(rule_of(config, kind).then != "keep" for kind in PRUNABLE)
         self.next_at = next_hour(self._clock.now(), config.hour) if has_rules else None
         self._wakeups.set_due(_PASS, self.next_at)

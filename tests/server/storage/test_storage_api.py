@@ -6,14 +6,18 @@ from datetime import timedelta
 import pytest_asyncio
 from sqlalchemy import update
 
+from db.fault import StoreUnavailableError
 from db.space import vacuum
+from db.storage_tables import ArchiveFileRow
 from db.tables import Deployment
 from server.access.role import Role
 from server.app import create_app
+from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.settings import Settings
 from server.station import Station
-from server.storage.passes import next_hour
+from server.storage.archive import FOLDER, MANIFEST
+from server.storage.passes import Passes, next_hour
 from server.storage.sizes import Sizes
 from tests.db.conftest import report
 from tests.server.conftest import MINI, until
@@ -146,6 +150,58 @@ async def test_a_disk_that_fills_soon_is_an_alarm(app, admin, monkeypatch):
     await sizes.renew()
     standing = (await admin.get("/api/alarms")).json()["alarms"]
     assert not any("full in" in one["text"] and one["cleared_at"] is None for one in standing)
+
+
+async def test_rules_that_are_saved_after_storage_failed_are_taken_up(app, admin, monkeypatch):
+    foundation: Foundation = app.state.foundation
+    passes, current = foundation.services.get(Passes), foundation.configurations.current
+    faults = [StoreUnavailableError("The disk is full.")]
+
+    async def failing(kind, robot):
+        if kind == "storage" and faults:
+            raise faults.pop()
+        return await current(kind, robot)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(foundation.configurations, "current", failing)
+        passes.settings_changed(SettingsChanged("storage", None))
+        await until(lambda: not faults)
+    for hour in (3, 4):
+        stored = await admin.patch("/api/config/storage", json={**RULES, "hour": hour})
+        assert stored.status_code == 200, stored.text
+        await until(lambda hour=hour: passes.next_at is not None and passes.next_at.hour == hour)
+
+
+async def test_a_manifest_that_cannot_be_written_is_an_alarm(app, admin):
+    foundation: Foundation = app.state.foundation
+    passes = foundation.services.get(Passes)
+    file = ArchiveFileRow(
+        kind="states",
+        robot_key=1,
+        day=20_000,
+        path="states/mini-1/2024-10-04.jsonl.gz",
+        rows=1,
+        bytes=1,
+        sha256="00",
+        first_at=NOW,
+        last_at=NOW,
+        state="moved",
+        written_at=NOW,
+    )
+    await foundation.store.write(lambda session: session.add(file))
+    (foundation.settings.data_dir / FOLDER / MANIFEST).mkdir(parents=True)
+    (foundation.settings.data_dir / FOLDER / MANIFEST / "of somebody").touch()
+    failed = await job_of(admin, await admin.post("/api/storage/passes"))
+    assert failed["state"] == "failed"
+    assert f"{MANIFEST} cannot be written" in failed["message"]
+    passes.next_at = foundation.clock.now()
+    passes.settings_changed(SettingsChanged("storage", None))
+
+    async def is_told():
+        alarms = (await admin.get("/api/alarms")).json()["alarms"]
+        return any(f"{MANIFEST} cannot be written" in one["text"] for one in alarms)
+
+    await until(is_told)
 
 
 def test_the_next_pass_is_at_its_hour():
