@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from sqlalchemy.orm import Session
 
+from db.care import sqlite_file
 from db.fault import StoreError
 from db.query.station.settings import get_setting, put_setting
 from db.query.storage import size as query
@@ -58,15 +59,23 @@ class Look:
     kinds: Sequence[KindSize]
     other_bytes: int
     """Of all that has no name of its own."""
+    elsewhere_bytes: int
+    """Of a database that lies not on the data folder's disk, or nobody knows where."""
     free_inside_bytes: int
     """Inside the database's file."""
     disk_free_bytes: int
+    """Of the data folder's disk."""
     disk_bytes: int
 
     @property
     def used_bytes(self) -> int:
         """Of all that the station keeps."""
         return sum(one.bytes for one in self.kinds) + self.other_bytes
+
+    @property
+    def on_disk_bytes(self) -> int:
+        """Of these, what lies on the data folder's disk."""
+        return self.used_bytes - self.elsewhere_bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +84,7 @@ class Mark:
 
     at: datetime
     used_bytes: int
+    on_disk_bytes: int
     rows: Mapping[str, int]
     """By kind, those that went since then counted in."""
 
@@ -149,6 +159,8 @@ class Sizes:
         database = await self._store.query(query.database_size)
         folder = self._foundation.settings.data_dir
         folders, disk = await asyncio.to_thread(_folders, folder)
+        url = self._foundation.settings.resolved_database_url
+        is_here = await asyncio.to_thread(_lies_on_disk_of, folder, url)
         spans = {
             kind.key: await self._store.query(
                 lambda session, kind=kind: query.span(session, kind.tables[0], kind.at)
@@ -163,6 +175,7 @@ class Sizes:
             self._foundation.clock.now(),
             kinds,
             max(0, all_bytes - named),
+            0 if is_here else database.used,
             database.free,
             disk.free,
             disk.total,
@@ -189,11 +202,16 @@ class Sizes:
         return max(0.0, (self._ever()[kind] - before.rows[kind]) / _days(self.look.at - before.at))
 
     def full_in_days(self) -> float | None:
-        """Return in how many days the disk is full at this growth; ``None`` if it does not grow."""
-        growth = self.growth_bytes_per_day()
-        if self.look is None or growth is None or growth <= 0.0:
+        """Return in how many days the data folder's disk is full, at the growth of what lies on it.
+
+        ``None`` if that does not grow, or as long as it is not known.
+        """
+        before, look = self._before(), self.look
+        if before is None or look is None or look.on_disk_bytes <= before.on_disk_bytes:
             return None
-        return (self.look.disk_free_bytes + self.look.free_inside_bytes) / growth
+        growth = (look.on_disk_bytes - before.on_disk_bytes) / _days(look.at - before.at)
+        inside = 0 if look.elsewhere_bytes else look.free_inside_bytes
+        return (look.disk_free_bytes + inside) / growth
 
     def _ever(self) -> dict[str, int]:
         rows = {} if self.look is None else {one.key: one.rows for one in self.look.kinds}
@@ -212,7 +230,7 @@ class Sizes:
         self.look = look
         marks = self._memory.marks
         if not marks or look.at - marks[-1].at >= _HISTORY_EVERY:
-            marks.append(Mark(look.at, look.used_bytes, self._ever()))
+            marks.append(Mark(look.at, look.used_bytes, look.on_disk_bytes, self._ever()))
             del marks[:-_HISTORY_MAX]
 
     def _save(self, session: Session) -> None:
@@ -226,10 +244,12 @@ class Sizes:
             await self._foundation.alarms.clear(CAUSE)
             return
         free_gb = look.disk_free_bytes / 1e9
+        unseen = " The database's own disk is not seen." if look.elsewhere_bytes else ""
         days = "within a day" if left < 1.0 else f"in about {left:.0f} days"
         await self._foundation.alarms.raise_(
             CAUSE,
-            f"The station's disk is full {days} at the growth of late; {free_gb:.1f} GB are free.",
+            f"The disk of the station's data folder is full {days} at the growth of late; "
+            f"{free_gb:.1f} GB are free.{unseen}",
             level="warning",
             action="See Settings, Storage: what may be thinned, moved to files or deleted.",
         )
@@ -253,6 +273,12 @@ def _folders(data: Path) -> tuple[dict[str, int], _Disk]:
             sizes[folder.name] = _bytes_below(folder)
     usage = shutil.disk_usage(data)
     return sizes, _Disk(usage.free, usage.total)
+
+
+def _lies_on_disk_of(data: Path, url: str) -> bool:
+    """Tell whether a database is known to lie on the data folder's disk."""
+    file = sqlite_file(url)
+    return file is not None and file.stat().st_dev == data.stat().st_dev
 
 
 def _bytes_below(folder: Path) -> int:
@@ -298,8 +324,11 @@ def _written(memory: _Memory) -> dict[str, Any]:
 
 def _read(kept: Mapping[str, Any]) -> _Memory:
     marks = [
-        Mark(datetime.fromisoformat(one["at"]), one["used_bytes"], one["rows"])
+        Mark(
+            datetime.fromisoformat(one["at"]), one["used_bytes"], one["on_disk_bytes"], one["rows"]
+        )
         for one in kept["marks"]
+        if "on_disk_bytes" in one
     ]
     counts = {name: TableCount(**one) for name, one in kept["counts"].items()}
     return _Memory(counts, dict(kept["gone"]), marks)

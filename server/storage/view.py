@@ -35,14 +35,19 @@ class LookView(View):
     other_bytes: int
     """Of all that has no name of its own."""
     used_bytes: int
+    elsewhere_bytes: int
+    """Of these, in a database that does not lie on the data folder's disk; how much room it has
+    there is not seen."""
     free_inside_bytes: int
     """Inside the database's file, for rows to come."""
     disk_free_bytes: int
+    """Of the data folder's disk."""
     disk_bytes: int
     growth_bytes_per_day: float | None
     """``null`` as long as it is not known."""
     full_in_days: float | None
-    """``null`` if it does not grow, or as long as growth is not known."""
+    """Of the data folder's disk, at the growth of what lies on it; ``null`` if that does not grow,
+    or as long as growth is not known."""
 
 
 @dataclass(frozen=True, slots=True)

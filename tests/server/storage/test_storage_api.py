@@ -3,10 +3,12 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import timedelta
 
+import pytest
 import pytest_asyncio
 from sqlalchemy import update
 
 from db.fault import StoreUnavailableError
+from db.query.station.settings import put_setting
 from db.space import vacuum
 from db.storage_tables import ArchiveFileRow
 from db.tables import Deployment
@@ -18,10 +20,10 @@ from server.base.settings import Settings
 from server.station import Station
 from server.storage.archive import FOLDER, MANIFEST
 from server.storage.passes import Passes, next_hour
-from server.storage.sizes import Sizes
-from tests.db.conftest import report
+from server.storage.sizes import SETTING, Sizes
+from tests.db.conftest import ON_POSTGRESQL, report
 from tests.server.conftest import MINI, until
-from tests.server.station_app import signed_in
+from tests.server.station_app import running, signed_in
 from tests.server.storage.conftest import NOW
 
 RULES = {"states": {"then": "thin", "after_days": 30, "period_s": 60}}
@@ -87,6 +89,7 @@ async def test_sizes_tell_rows_and_ages(app, admin):
     assert states["oldest_at"].startswith(f"{begin:%Y-%m-%dT%H}")
     assert 50 * rows < states["bytes"] < 400 * rows
     assert look["disk_free_bytes"] > 0
+    assert look["elsewhere_bytes"] == 0
 
 
 async def test_rows_are_counted_on_without_being_counted_again(app):
@@ -202,6 +205,28 @@ async def test_a_manifest_that_cannot_be_written_is_an_alarm(app, admin):
         return any(f"{MANIFEST} cannot be written" in one["text"] for one in alarms)
 
     await until(is_told)
+
+
+@ON_POSTGRESQL
+async def test_a_disk_is_filled_by_what_lies_on_it_alone(tmp_path, store, url):
+    del store
+    async with running(tmp_path, database_url=url) as made:
+        foundation: Foundation = made.state.foundation
+        sizes = Sizes(foundation)
+        look = await sizes.renew()
+        assert look.used_bytes > look.elsewhere_bytes > 0
+        a_day_ago = {
+            "at": (look.at - timedelta(days=1)).isoformat(),
+            "used_bytes": look.used_bytes - 50 * 10**9,
+            "on_disk_bytes": look.on_disk_bytes - 10**9,
+            "rows": {},
+        }
+        kept = {"counts": {}, "gone": {}, "marks": [a_day_ago]}
+        await foundation.store.write(lambda session: put_setting(session, SETTING, kept))
+        await sizes.load()
+        look = await sizes.renew()
+        assert sizes.growth_bytes_per_day() == pytest.approx(50e9, rel=0.05)
+        assert sizes.full_in_days() == pytest.approx(look.disk_free_bytes / 1e9, rel=0.05)
 
 
 def test_the_next_pass_is_at_its_hour():
