@@ -7,7 +7,7 @@ from datetime import datetime
 
 from autonomy.channel import Channel, ChannelCatalogue
 from autonomy.field.config import FieldConfig
-from autonomy.field.grid import Grid, grid_of
+from autonomy.field.grid import Grid
 from autonomy.planner.config import PlannerConfig
 from autonomy.site import Box, Site
 from db.deployment_span import LiveSpan
@@ -15,6 +15,7 @@ from db.query.fleet.robots import RobotRecord
 from robot_link.messages import Sample
 from server.base.configuration import CurrentConfiguration
 from server.fleet.water import Water
+from server.map.grid import grid_of
 from server.map.record import Comparison
 from server.map.site_map import SiteMap, basis_of
 from server.map.view import ScoresView
