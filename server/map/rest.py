@@ -1,6 +1,6 @@
 """Which maps keep the factors that samples are taken in with, and when the others are made anew.
 
-The factors of a map that holds all the samples it may are some 60 MB, what it shows is 100 kB. So a
+The factors of a map that holds all the samples it may are some 30 MB, what it shows is 100 kB. So a
 map that nobody looks at rests once it is large, and so does one for which there is no room: its
 samples wait in the database, and it is made of them when somebody looks, or now and then. What all
 maps keep is bounded so, however many robots there are.
