@@ -1,6 +1,5 @@
 """The maps of robots that share one: the live one, and those of the newest comparison."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -67,11 +66,9 @@ class MapGroup:
     saved_version: int = 0
     saved_at: datetime | None = None
     is_stale: bool = False
-    """Whether samples were located better since the map was made, or came in while it rested."""
+    """Whether samples in the map were located better since it was made."""
     due_s: float = 0.0
     """When it may be made anew again, by the wall."""
-    looked_s: float = -math.inf
-    """When somebody asked for it last, by the wall."""
 
     @classmethod
     def of(cls, record: RobotRecord, settings: MapSettings, robots: tuple[str, ...]) -> "MapGroup":
