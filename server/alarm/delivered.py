@@ -170,7 +170,8 @@ RULES: Final = (
         key="station database", title="Station: database behind", reads="rows_waiting",
         limits=_above(warning=20_000.0, critical=100_000.0), hysteresis=5_000.0, delay_s=10.0,
         text="{value} of measurements wait for the database.",
-        action="See the station's disk; nothing is lost before 200,000 wait.",
+        action="See the database and the station's disk: rows wait on the disk, and where that is "
+        "full in memory, which holds no more than 200,000.",
     ),
 )  # fmt: skip
 

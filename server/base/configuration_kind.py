@@ -48,6 +48,7 @@ class Reach:
 
 AT_STATION = Reach("station", "Used by the station, from the next plan, map or run on.")
 AT_ONCE = Reach("station", "Used by the station at once, for what is on its way too.")
+BY_DAILY_PASS = Reach("station", "Used by the station from the next daily pass on.")
 WITH_MISSION = Reach("mission", "Reaches the robot with the next plan that is made.")
 TRIED_ONLY = Reach(
     "none", "Used in what-if runs only. Not on board: the robot flies its own settings."
@@ -194,6 +195,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             replace(
                 _same_for_all("storage", "Storage", StorageConfig(), is_of_data=True),
                 is_of_station=True,
+                reach=BY_DAILY_PASS,
             ),
             *map(_of_controller, CONTROLLERS.values()),
         )

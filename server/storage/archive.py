@@ -10,6 +10,7 @@ import gzip
 import hashlib
 import json
 import os
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,7 +23,11 @@ from robot_link.whole_file import keep_names, replace_file
 FOLDER: Final = "archive"
 MANIFEST: Final = "manifest.jsonl"
 FORMAT: Final = "grace archive 1"
+_DAMAGE: Final = (OSError, EOFError, ValueError, zlib.error)
+"""What reading a file that is not whole may raise."""
 _STAY: Final = "its rows stay in the database"
+_FOLDERS: Final = 4
+"""A file may be the first in a robot's folder, a kind's, the archive's and the data folder."""
 _BLOCK: Final = 1 << 20
 
 
@@ -72,7 +77,7 @@ def write_archive(file: Path, header: Header, rows: Iterable[Row], at: str) -> W
             raise ArchiveError(f"{file} does not hold what was written to it; {_STAY}.")
         size, sha256 = fresh.stat().st_size, sha256_of(fresh)
         fresh.replace(file)
-        for folder in (file.parent, file.parent.parent):
+        for folder in file.parents[:_FOLDERS]:
             keep_names(folder)
     except OSError as error:
         with suppress(OSError):
@@ -106,16 +111,21 @@ def _write(file: Path, header: Header, rows: Iterable[Row], at: str) -> tuple[in
                 moments = min(moments[0], row[at]), max(moments[1], row[at])
         raw.flush()
         os.fsync(raw.fileno())
+        # Read again, it comes from the disk and not from memory.
+        os.posix_fadvise(raw.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
     return count, digest.hexdigest(), *moments
 
 
 def _contents(file: Path) -> tuple[int, str]:
     count, digest = 0, hashlib.sha256()
-    with gzip.open(file) as packed:
-        packed.readline()
-        for line in packed:
-            digest.update(line)
-            count += 1
+    try:
+        with gzip.open(file) as packed:
+            packed.readline()
+            for line in packed:
+                digest.update(line)
+                count += 1
+    except _DAMAGE:
+        return 0, ""
     return count, digest.hexdigest()
 
 
@@ -147,7 +157,7 @@ def read_header(file: Path) -> Header:
             raise ArchiveError(f"{file} is of a format that this station does not know.")
         names = {key: told[key] for key in ("robots", "channels", "logs") if key in told}
         return Header(told["kind"], told["robot"], told["day"], tuple(told["columns"]), names)
-    except (OSError, EOFError, ValueError, KeyError, TypeError) as error:
+    except (*_DAMAGE, KeyError, TypeError) as error:
         raise ArchiveError(f"{file} holds no rows of a station, or is damaged.") from error
 
 
@@ -165,7 +175,7 @@ def read_rows(file: Path, header: Header) -> Iterator[Row]:
                 if "data" in row:
                     row["data"] = base64.b64decode(row["data"])
                 yield row
-    except (OSError, EOFError, ValueError) as error:
+    except _DAMAGE as error:
         raise ArchiveError(f"{file} is damaged.") from error
 
 

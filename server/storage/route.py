@@ -51,7 +51,8 @@ async def preview_storage(
     """Look at what would go, and change nothing; the job's result has it by robot and deployment.
 
     The rules are those that hold, with the fields of the body on top, which are those of
-    `PATCH /api/config/storage`; none looks at those that hold. 409 while another look is under way.
+    `PATCH /api/config/storage`; an empty body looks by the rules that hold. 409 while another look
+    is under way.
     """
     merged = await foundation.configurations.merged("storage", None, rules.root)
     config = merged.value_as(StorageConfig)

@@ -1,7 +1,9 @@
 import gzip
+import os
 import shutil
 from dataclasses import replace
 from datetime import timedelta
+from pathlib import Path
 
 import pytest
 from sqlalchemy import func, select, update
@@ -324,6 +326,35 @@ def test_a_damaged_file_that_rows_left_for_holds_up_nothing_else(kept, tmp_path)
     prune(kept, tmp_path, rules)
     with kept.read() as session:
         assert set(session.scalars(select(ArchiveFileRow.state))) == {"moved"}
+
+
+def test_a_file_and_its_folders_are_on_the_disk_before_a_row_goes(kept, tmp_path, monkeypatch):
+    synced: set[Path] = set()
+
+    def note(descriptor, fsync=os.fsync):
+        fsync(descriptor)
+        synced.add(Path(f"/proc/self/fd/{descriptor}").resolve())
+
+    monkeypatch.setattr(os, "fsync", note)
+    begin_a_pass(kept, tmp_path, config(states=("move", {})), ArchiveFileRow)
+    (file,) = (tmp_path / "archive").rglob("*.gz")
+    assert {*file.relative_to(tmp_path).parents} == {
+        path.relative_to(tmp_path) for path in synced if path.is_dir()
+    }
+
+
+def test_nothing_goes_into_a_file_that_the_disk_lost(kept, tmp_path, monkeypatch):
+    def lose(descriptor, *_):
+        place = Path(f"/proc/self/fd/{descriptor}").resolve()
+        with place.open("r+b") as file:
+            file.seek(place.stat().st_size // 2)
+            file.write(b"\0" * 64)
+
+    before = rows(kept)
+    monkeypatch.setattr(os, "posix_fadvise", lose)
+    with pytest.raises(ArchiveError, match=r"does not hold what was written.*stay in the database"):
+        prune(kept, tmp_path, config(states=("move", {})))
+    assert rows(kept) == before
 
 
 def test_raw_bytes_of_a_held_robot_do_not_keep_those_of_another(kept, tmp_path):
