@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
-from autonomy.field.config import GridShape
-from autonomy.site import Box
+from autonomy.field.config import FieldConfig, GridShape
+from autonomy.field.mask import water_mask
+from autonomy.site import Box, Site
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,3 +60,10 @@ class Grid:
     def shape(self) -> tuple[int, int, int]:
         """Number of points along x, y and z."""
         return (len(self.x_m), len(self.y_m), len(self.z_m))
+
+
+def grid_of(config: FieldConfig, domain: Box, site: Site) -> Grid:
+    """Return the grid of a map with its mask of the water."""
+    if site.shore is None and site.depth_lines is None:
+        return Grid.over(domain, config.grid)
+    return Grid.over(domain, config.grid, partial(water_mask, site))

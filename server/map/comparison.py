@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
 from autonomy.field.carriage import Carrier
+from autonomy.field.grid import grid_of
 from autonomy.field.score import Scores
 from db.column import moment
 from db.query.measured.samples import SampleColumns
@@ -24,7 +25,6 @@ from server.fleet.fleet import Fleet
 from server.map.decided import COMPARED_MODELS
 from server.map.field_maps import FieldMaps
 from server.map.field_model import MODEL_TITLES
-from server.map.grid import grid_of
 from server.map.group import MapGroup
 from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
 from server.map.samples import field_samples, in_moving_water, map_columns, usable

@@ -14,6 +14,7 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.fidelity import fidelity_level
+from autonomy.field.grid import grid_of
 from autonomy.field.live.live_map import LiveMap
 from autonomy.field.mask import water_mask
 from autonomy.field.model.model import FieldModel
@@ -21,7 +22,6 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.score import Scores, score
 from autonomy.field.synthetic import truth
 from server.map.field_model import MODEL_TITLES, MODELS
-from server.map.grid import grid_of
 from server.map.task import PLACED_BY_CAMERAS, Against, Compared, ComparedModel, ComparisonProblem
 from server.map.task_model import SCORING, domain_points, map_of
 

@@ -3,17 +3,19 @@
 Robots of one water share the map of its variable by the configured model; ``server.map.samples``
 finds theirs. Maps are made from the stored samples when the station starts or a setting changes,
 fed in pieces, and made anew when a dive was smoothed, all in a thread, so that the event loop never
-waits for algebra. Memory is bounded by ``FieldConfig.max_samples``: a full map keeps an evenly
-spread part of its samples (see ``LiveMap``). The maps of a recording were fitted when it was
-imported and are only shown.
+waits for algebra. The memory of a map is bounded by ``FieldConfig.max_samples``: a full one keeps
+an evenly spread part of its samples (see ``LiveMap``); that of all of them by letting maps rest
+(see ``server.map.rest``). The maps of a recording were fitted when it was imported and are only
+shown.
 """
 
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import timedelta
 
+from prometheus_client.core import Metric
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
@@ -26,6 +28,7 @@ from db.query.fleet.robots import RobotRecord
 from db.query.measured.maps import add_map, newest_maps
 from db.store import Store
 from robot_link.clock import Clock
+from robot_link.messages import Sample
 from server.base.channels import Channels
 from server.base.event_bus import EventBus
 from server.fleet.event import FixTaken
@@ -34,6 +37,7 @@ from server.link.event import SamplesStored
 from server.map.event import DivesSmoothed, MapChanged
 from server.map.group import MapGroup, MapKey, MapSettings
 from server.map.record import Comparison, newest_comparison, record_of, scores_of, view_of
+from server.map.rest import MapRest, figures_of
 from server.map.samples import map_columns
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
@@ -48,8 +52,6 @@ QUIET_S = 1.0
 """A finished dive is smoothed when no sample of its robot came for this long, by the wall."""
 QUIET_LIMIT_S = 5.0
 """It is smoothed anyway after this long, and again with samples that come later."""
-REST_FACTOR = 10.0
-"""A map that took t to be made anew rests for this many t, so that several dives come together."""
 SNAPSHOT_PERIOD = timedelta(minutes=10)
 """A map that changed is kept in the database this often, by the robots' clock."""
 
@@ -81,6 +83,7 @@ class FieldMaps:
         self._fixed: dict[str, float] = {}
         """When robots got their first fix since their samples were last looked at, by the wall."""
         self._smoothing = Smoothing(store, clock)
+        self._rest = MapRest()
         self._algebra = asyncio.Lock()
         self._news = asyncio.Event()
 
@@ -163,14 +166,18 @@ class FieldMaps:
                 await self._feed(group)
             try:
                 await self._smooth_what_is_quiet()
+                for group in self._rest.due(self._groups):
+                    await self._make_anew(group)
                 for group in list(self._groups):
-                    if group.is_stale and time.monotonic() >= group.due_s:
-                        await self._make_anew(group)
                     await self._save_if_due(group)
             except StoreUnavailableError as error:
                 log.warning("maps are kept in memory until storage works: %s", error)
             if self._fixed or any(group.is_stale for group in self._groups):
                 self._news.set()
+
+    def figures(self) -> Iterator[Metric]:
+        """Yield what a monitoring system is told of the maps."""
+        return figures_of(self._groups)
 
     async def settle(self, robot: str) -> None:
         """Bring everything that was fed into the map of a robot, smoothed, and keep a snapshot."""
@@ -204,12 +211,21 @@ class FieldMaps:
         async with self._algebra:
             if group.live is None:
                 raise ValueError("the map is being made")
-            return await asyncio.to_thread(group.live.predict, points)
+            self._rest.look(group)
+            try:
+                return await asyncio.to_thread(group.live.predict, points)
+            finally:
+                self._rest.let(self._groups)
 
     def views(self, robot: str) -> Mapping[MapKey, MapView]:
-        """Return every map of a robot, the live one first; empty while it is being made."""
-        if robot in self._of:
-            return self._of[robot].views
+        """Return every map of a robot, the live one first; empty while it is being made.
+
+        A map that rested is made anew of the samples that came meanwhile, and told of then.
+        """
+        group = self._of.get(robot)
+        if group is not None:
+            self._rest.look(group)
+            return group.views
         return self._recorded[robot][0] if robot in self._recorded else {}
 
     def samples(self, robot: str) -> SampleView | None:
@@ -290,8 +306,7 @@ class FieldMaps:
                 raise
             except ValueError as error:
                 log.error("the map of %s stays as it was: %s", _names(group), error)  # noqa: TRY400 - told, not unforeseen
-            ended_s = time.monotonic()
-            group.due_s = ended_s + REST_FACTOR * (ended_s - began_s)
+            self._rest.made(group, began_s)
         self._tell(group)
 
     async def _condition(self, group: MapGroup) -> None:
@@ -302,30 +317,46 @@ class FieldMaps:
             lambda session: map_columns(session, robots, group.channel, spans)
         )
         carrier = self.carrier(group)
-        group.live = await asyncio.to_thread(
-            SiteMap.from_columns,
-            config,
-            group.channel,
-            grid,
-            robots,
-            columns,
-            version,
-            carrier,
-            group.domain,
-        )
+        if group.live is not None:
+            group.live.rest()  # the factors of one map at a time
+        try:
+            group.live = await asyncio.to_thread(
+                SiteMap.from_columns,
+                config,
+                group.channel,
+                grid,
+                robots,
+                columns,
+                version,
+                carrier,
+                group.domain,
+            )
+        finally:
+            self._rest.let(self._groups)
 
     async def _feed(self, group: MapGroup) -> None:
         async with self._algebra:
             if not group.waiting or group.live is None:
                 return
             waiting, group.waiting = group.waiting, []
-            try:
-                await asyncio.to_thread(group.live.append, waiting)
-            except ValueError as error:
-                # They are in the database: the map is made of all, or stays as it was.
-                log.warning("the map of %s is made anew: %s", _names(group), error)
-                group.is_stale = True
-        self._tell(group)
+            if group.live.is_at_rest:
+                # They are in the database. Who has the map on screen asks again, and so wakes it.
+                was_stale, group.is_stale = group.is_stale, True
+            else:
+                was_stale = False
+                await self._append(group, group.live, waiting)
+        if not was_stale:
+            self._tell(group)
+
+    async def _append(self, group: MapGroup, live: SiteMap, samples: list[Sample]) -> None:
+        """Let samples into a map that is awake; call it with the lock held."""
+        try:
+            await asyncio.to_thread(live.append, samples)
+        except ValueError as error:
+            # They are in the database: the map is made of all, or stays as it was.
+            log.warning("the map of %s is made anew: %s", _names(group), error)
+            group.is_stale = True
+        self._rest.let(self._groups)
 
     async def _smooth_what_is_quiet(self) -> None:
         now_s = time.monotonic()

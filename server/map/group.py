@@ -1,12 +1,13 @@
 """The maps of robots that share one: the live one, and those of the newest comparison."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
 from autonomy.channel import Channel, ChannelCatalogue
 from autonomy.field.config import FieldConfig
-from autonomy.field.grid import Grid
+from autonomy.field.grid import Grid, grid_of
 from autonomy.planner.config import PlannerConfig
 from autonomy.site import Box, Site
 from db.deployment_span import LiveSpan
@@ -14,7 +15,6 @@ from db.query.fleet.robots import RobotRecord
 from robot_link.messages import Sample
 from server.base.configuration import CurrentConfiguration
 from server.fleet.water import Water
-from server.map.grid import grid_of
 from server.map.record import Comparison
 from server.map.site_map import SiteMap, basis_of
 from server.map.view import ScoresView
@@ -66,9 +66,11 @@ class MapGroup:
     saved_version: int = 0
     saved_at: datetime | None = None
     is_stale: bool = False
-    """Whether samples in the map were located better since it was made."""
+    """Whether samples were located better since the map was made, or came in while it rested."""
     due_s: float = 0.0
     """When it may be made anew again, by the wall."""
+    looked_s: float = -math.inf
+    """When somebody asked for it last, by the wall."""
 
     @classmethod
     def of(cls, record: RobotRecord, settings: MapSettings, robots: tuple[str, ...]) -> "MapGroup":

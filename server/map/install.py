@@ -33,6 +33,7 @@ def install(foundation: Foundation) -> None:
     maps = services.add(
         FieldMaps(foundation.store, foundation.clock, bus, foundation.channels, currents.carrier)
     )
+    foundation.metrics.add(maps.figures)
     services.add(ThresholdShares(maps))
     services.add(MapChoices(foundation, fleet))
     opening = services.add(MapOpening(foundation, maps))

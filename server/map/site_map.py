@@ -60,6 +60,10 @@ class Seen:
 class SiteMap:
     """A map that grows; one thread at a time may change it, any may read its views.
 
+    At rest it is what it shows and its samples, some 100 kB; awake it also has the factors that
+    the next samples are taken in with, some 20 MB. Whatever needs these wakes it, which takes as
+    long as to condition the map anew.
+
     Args:
         config: The model, with the fidelity thresholds that hold.
         channel: What it maps.
@@ -85,7 +89,10 @@ class SiteMap:
         """Samples that were taken in, also those that a full map dropped."""
         self.smoothed = 0
         """How many of them smoothing located better."""
-        self._live = LiveMap(config, grid)
+        self._live: LiveMap | None = None
+        """``None`` at rest."""
+        self._kept = FieldSamples.none()
+        """What the map is of, while it is at rest."""
         self._seen: dict[str, Seen] = defaultdict(Seen)
         self.drifted: Drifted | None = None
         """How far the water of the oldest samples had moved when the map was made, if known."""
@@ -93,7 +100,7 @@ class SiteMap:
         """Whether there was a map of the current when the map was made."""
         self._last: dict[str, FieldSamples] = {}
         """Samples of the newest dive by robot, which may go on."""
-        self._refresh(None)
+        self._refresh(self._awake(), None)
 
     @classmethod
     def from_columns(
@@ -136,9 +143,10 @@ class SiteMap:
         if carrier is not None and domain is not None:
             site_map.drifted = drifted(samples, carrier, now_s)
             samples = in_moving_water(samples, config, carrier, domain)
-        site_map._live.replace(samples)
+        live = site_map._awake()
+        live.replace(samples)
         site_map._note(samples)
-        site_map._refresh(moment(int(columns.measured_at_us[-1])))
+        site_map._refresh(live, moment(int(columns.measured_at_us[-1])))
         return site_map
 
     def is_of(self, config: FieldConfig, grid: Grid, robots: tuple[str, ...]) -> bool:
@@ -149,6 +157,22 @@ class SiteMap:
             and np.array_equal(self.grid.points, grid.points)
             and np.array_equal(self.grid.mask, grid.mask)
         )
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the next samples cost as much as to make the map anew."""
+        return self._live is None
+
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next samples; 0 at rest."""
+        live = self._live
+        return 0 if live is None else live.memory_bytes
+
+    def rest(self) -> None:
+        """Give up what the next samples would be taken in with."""
+        if self._live is not None:
+            self._kept, self._live = self._live.samples, None
 
     @property
     def water_moved(self) -> str:
@@ -184,13 +208,23 @@ class SiteMap:
             return
         fresh = reduce(joined, [self._of_robot(robot, new) for robot, new in by_robot.items()])
         fresh = fresh[np.argsort(fresh.time_s, kind="stable")]
-        self._live.append(fresh)
+        live = self._awake()
+        live.append(fresh)
         self._note(fresh)
-        self._refresh(max(sample.measured_at for new in by_robot.values() for sample in new))
+        self._refresh(live, max(sample.measured_at for new in by_robot.values() for sample in new))
 
     def predict(self, points: FloatArray) -> Prediction:
         """Return the map at any points, shape ``(q, 3)``, in ``O(n^3)``."""
-        return self._live.predict(points)
+        return self._awake().predict(points)
+
+    def _awake(self) -> LiveMap:
+        """Return the map with its factors: at rest these are made of the kept samples."""
+        if self._live is None:
+            live = LiveMap(self.config, self.grid)
+            if len(self._kept):
+                live.replace(self._kept)
+            self._live, self._kept = live, FieldSamples.none()
+        return self._live
 
     def _of_robot(self, robot: str, samples: Sequence[Sample]) -> FieldSamples:
         before = self._last.get(robot)
@@ -211,22 +245,22 @@ class SiteMap:
         self.total += len(samples)
         self.smoothed += int(np.count_nonzero(samples.position_std_m < samples.filtered_std_m))
 
-    def _refresh(self, at: datetime | None) -> None:
+    def _refresh(self, live: LiveMap, at: datetime | None) -> None:
         self.version += 1
-        kept = self._live.samples
+        kept = live.samples
         self.view = view_on_grid(
             self.config,
             self.channel,
             self.grid,
-            self._live.mean,
-            self._live.std,
-            samples_per_level=self._live.samples_per_level,
+            live.mean,
+            live.std,
+            samples_per_level=live.samples_per_level,
             version=self.version,
             updated_at=at,
         )
         self.samples = SampleView(
             position_ned=kept.points,
-            fidelity=self._live.sample_levels,
+            fidelity=live.sample_levels,
             is_smoothed=kept.position_std_m < kept.filtered_std_m,
         )
 

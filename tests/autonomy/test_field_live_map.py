@@ -1,4 +1,5 @@
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -354,3 +355,16 @@ def test_models_that_know_how_samples_are_located_state_their_uncertainty_better
         far_off[model] = float(np.mean((from_truth / live_map.std) ** 2))
     assert far_off["single"] > 3.0
     assert all(far_off[model] < 2.5 for model in MODELS[1:])
+
+
+@EVERY_MODEL
+def test_memory_that_a_map_tells_is_what_its_factors_take(model):
+    samples = tank_samples(400)
+    tank_map(model, samples)  # what is compiled and cached is no part of a map
+    tracemalloc.start()
+    try:
+        live_map = tank_map(model, samples)
+        taken = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert 0.5 * taken < live_map.memory_bytes <= taken

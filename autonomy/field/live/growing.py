@@ -15,6 +15,11 @@ _LARGEST_EXPONENT = 30.0
 class Targets(Protocol):
     """Something that follows every sample that a growing process takes in."""
 
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept of them."""
+        ...
+
     def append(self, growth: Growth, places: Places) -> None:
         """Take in what the factor gained by samples at ``places``."""
         ...
@@ -39,6 +44,12 @@ class GrowingGaussianProcess:
         self.z = np.empty(0)
         self._factor = GrowingFactor()
         self._targets: list[Targets] = []
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the factor and its targets take."""
+        targets = sum(one.memory_bytes for one in self._targets)
+        return self._factor.memory_bytes + targets
 
     def follow(self, targets: Targets) -> None:
         """Keep targets up to date that have been added to already where there are samples."""
@@ -137,6 +148,11 @@ class MapTargets:
         variance = self._still.variance - self._fading() ** 2 * self._columns.reduction
         return np.maximum(variance, 0.0)
 
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept of the points."""
+        return self._columns.memory_bytes
+
     def append(self, growth: Growth, places: Places) -> None:
         """Take in what the factor gained by samples at ``places``."""
         cross = self._still.covariance(places, self._places)
@@ -181,6 +197,11 @@ class SampleTargets:
     def mean(self) -> FloatArray:
         """Posterior mean at every place, shape ``(q,)``; changes in place."""
         return self._columns.mean
+
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept of the places."""
+        return self._columns.memory_bytes
 
     def add(self, places: Places) -> None:
         """Keep the posterior up to date at more places."""

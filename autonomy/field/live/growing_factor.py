@@ -62,6 +62,11 @@ class GrowingFactor:
         """Most rows that the next ``append`` may bring."""
         return PANEL_ROWS - self._rows % PANEL_ROWS
 
+    @property
+    def memory_bytes(self) -> int:
+        """What the rows take, with room for those to come."""
+        return sum(panel.left.nbytes + panel.diagonal.nbytes for panel in self._panels)
+
     def append(self, B: FloatArray, L: FloatArray) -> None:
         """Add the rows ``[B^T, L]``, shapes ``(n, m)`` and ``(m, m)``, at most ``room`` of them."""
         m = len(L)
@@ -113,6 +118,11 @@ class WhitenedColumns:
     def reduction(self) -> FloatArray:
         """``colsum(V^2)``, shape ``(q,)``; changes in place."""
         return self._reduction[: self.count]
+
+    @property
+    def memory_bytes(self) -> int:
+        """What ``V`` takes, with room for rows and targets to come."""
+        return sum(panel.nbytes for panel in self._panels)
 
     def append(self, growth: Growth, cross: FloatArray) -> None:
         """Follow the factor by the covariances of its new samples with the targets, ``(m, q)``."""

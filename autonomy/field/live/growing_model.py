@@ -46,6 +46,11 @@ class GrowingModel(Protocol):
         """The kernel of the one Gaussian process that noise is given for, None for the others."""
         ...
 
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next sample."""
+        ...
+
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         ...
@@ -94,6 +99,11 @@ class GrowingField:
         """None: the kernels are as they are set."""
         return None
 
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next sample."""
+        return self._process.memory_bytes
+
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         level = fidelity_level(samples.position_std_m, self._thresholds_m) if self._is_joint else 0
@@ -133,6 +143,11 @@ class GrowingPositionNoise:
     def variance(self) -> FloatArray:
         """Posterior variance of the field, shape ``(q,)``."""
         return self._map.variance
+
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next sample."""
+        return self._process.memory_bytes
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
@@ -228,6 +243,11 @@ class GrowingRecursion:
     def kernel(self) -> KernelParameters | None:
         """None: the kernels are as they are set."""
         return None
+
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next sample."""
+        return sum(level.process.memory_bytes for level in self._levels)
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""

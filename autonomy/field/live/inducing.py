@@ -93,6 +93,11 @@ class InducingPosterior:
         return self._unexplained / max(self._samples, 1)
 
     @property
+    def memory_bytes(self) -> int:
+        """What the sums take."""
+        return self._factor.nbytes + self._precision.nbytes + self._sum_factor.nbytes
+
+    @property
     def inducing(self) -> Places:
         """Where samples are summed up."""
         return self._inducing

@@ -89,6 +89,11 @@ class InducingGaussianProcess:
         """Mean share of the prior variance that the inducing points cannot express."""
         return self._posterior.unexplained_share
 
+    @property
+    def memory_bytes(self) -> int:
+        """What the sums take."""
+        return self._posterior.memory_bytes
+
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in more samples at the same inducing points, ``O(m^2)`` each and ``O(m^3)`` a call.
 
@@ -210,6 +215,11 @@ class GrowingInducing:
     def kernel(self) -> KernelParameters | None:
         """None: what is shown elsewhere is the sum itself."""
         return None
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the sums take."""
+        return self.field.memory_bytes
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""

@@ -85,6 +85,11 @@ class LiveMap:
         """Number of points at which the samples are summed up; 0 where the map is exact."""
         return self._model.field.inducing_points if isinstance(self._model, GrowingInducing) else 0
 
+    @property
+    def memory_bytes(self) -> int:
+        """What is kept to take in the next sample: about 8 x samples x grid points."""
+        return self._model.memory_bytes
+
     def append(self, samples: FieldSamples) -> None:
         """Take in samples: all of them, or none if one cannot be used.
 

@@ -8,6 +8,7 @@ import pytest
 
 from autonomy.channel import CHANNELS
 from autonomy.field.config import FIELD_PRESETS
+from autonomy.field.grid import grid_of
 from autonomy.site import TANK
 from db.query.fleet.robots import add_robot
 from db.query.measured.maps import MapRecord, add_map
@@ -15,7 +16,6 @@ from db.query.measured.samples import SampleColumns
 from robot_link.messages import RobotId
 from server.camera.rig import CameraRig
 from server.fix.fusion import Fusion
-from server.map.grid import grid_of
 from server.map.site_map import Seen, SiteMap
 from server.prediction.predictions import Predictions
 from server.scene.source import StationSceneSource

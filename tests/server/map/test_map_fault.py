@@ -8,7 +8,7 @@ import pytest
 
 from db.fault import StoreUnavailableError
 from server.link.event import SamplesStored
-from server.map import field_maps as mapping
+from server.map import rest
 from server.map.field_maps import FieldMaps
 from server.map.site_map import SiteMap
 from tests.server.conftest import MINI, until
@@ -18,7 +18,8 @@ PATH = "/api/robots/mini-1/maps/blue_light"
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch):
-    monkeypatch.setattr(mapping, "REST_FACTOR", 0.0)
+    monkeypatch.setattr(rest, "REST_FACTOR", 0.0)
+    monkeypatch.setattr(rest, "UNSEEN_FACTOR", 0.0)
 
 
 async def grown(client, count, model=None):
