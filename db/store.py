@@ -111,6 +111,15 @@ class Store:
         return self._writer.commits
 
     @property
+    def changes(self) -> int:
+        """Count of ``change`` that were committed; telemetry is none.
+
+        What was read before the count grew may hold no more; it grows before whoever asked for
+        the change goes on.
+        """
+        return self._writer.changes
+
+    @property
     def waiting_rows(self) -> int:
         """Appended rows that are not committed yet."""
         return self._writer.waiting_rows
@@ -171,7 +180,7 @@ class Store:
         return await asyncio.wrap_future(self._writer.change(function))
 
     def append(self, values: Sequence[Telemetry]) -> "Future[Kept]":
-        """Take telemetry for the next batch, at most 50 ms later.
+        """Take telemetry for the next batch, which is written as soon as the writer is free.
 
         The future resolves once the rows are committed or, while storage fails, in the bridge
         journal: only then may a robot be told to forget them. Where neither takes them the rows

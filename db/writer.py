@@ -29,7 +29,6 @@ BridgedListener = Callable[[Sequence[Any]], object]
 TransactionListener = Callable[[str, int, float], object]
 """Told of a commit: ``change`` or ``rows``, how many rows of telemetry, and how long it took, s."""
 
-BATCH_PERIOD_S = 0.05
 BATCH_ROWS_MAX = 5_000
 """Of a transaction; an append of more is one of its own."""
 RETRY_PERIOD_S = 0.5
@@ -85,6 +84,8 @@ class Listeners:
 class Writer:
     """Runs changes one after another and commits appended rows in batches.
 
+    A batch is what was appended while the one before was written: rows wait for nothing else.
+
     Work is done in the order in which it came, as long as storage works. A change that meets
     failing storage is refused, because its caller can say so to a person. Appended rows go into
     the bridge journal then, and from there into the database, the oldest first, before any later
@@ -101,7 +102,6 @@ class Writer:
         self._bridge = bridge
         self._inbox: queue.SimpleQueue[_Change | _Rows | None] = queue.SimpleQueue()
         self._pending: deque[_Rows] = deque()
-        self._pending_since_s = 0.0
         self._tried: tuple[list[_Rows], Batch] | None = None
         """What was handed to the database last, and may be in it or not."""
         self._retry_at_s = 0.0
@@ -111,6 +111,8 @@ class Writer:
         self.fault: str | None = None
         self.bridge_fault: str | None = None
         self.commits = 0
+        self.changes = 0
+        """Commits of these that were not rows alone; counted before whoever asked goes on."""
         self.on_transaction: TransactionListener | None = None
         """Called on the writer's thread."""
         self._thread = threading.Thread(target=self._run, name="db-writer", daemon=True)
@@ -175,10 +177,8 @@ class Writer:
             if item is None:
                 break
             if isinstance(item, _Rows):
-                if not self._pending:
-                    self._pending_since_s = time.monotonic()
                 self._pending.append(item)
-                if self._patience_s() == 0.0:
+                if self._inbox.empty():
                     self._flush()
             else:
                 self._flush()
@@ -191,14 +191,9 @@ class Writer:
 
     def _patience_s(self) -> float | None:
         """Return how long nothing need be done, ``None`` for until something comes."""
-        due_s: list[float] = []
-        if self._pending:
-            goes_aside = self._bridge is not None and self.bridge_fault is None
-            rest_s = 0.0 if goes_aside else self._retry_at_s
-            due_s.append(max(self._pending_since_s + BATCH_PERIOD_S, rest_s))
-        if self.bridged_rows:
-            due_s.append(self._retry_at_s)
-        return max(0.0, min(due_s) - time.monotonic()) if due_s else None
+        if not self._pending and not self.bridged_rows:
+            return None
+        return max(0.0, self._retry_at_s - time.monotonic())
 
     @property
     def _rests(self) -> bool:
@@ -222,9 +217,7 @@ class Writer:
 
     def _pass_by(self, bridge: Bridge) -> None:
         """Let pending rows wait behind those on the disk, and write the oldest of these."""
-        age_s = time.monotonic() - self._pending_since_s
-        if age_s >= BATCH_PERIOD_S or self._closed:
-            self._put_aside(bridge)
+        self._put_aside(bridge)
         if bridge.waiting_rows and not self._rests and not self._closed:
             self._empty(bridge)
 
@@ -369,6 +362,7 @@ class Writer:
         except BaseException as error:  # noqa: BLE001 - the error belongs to whoever asked
             item.future.set_exception(error)
         else:
+            self.changes += 1
             self._note("change", 0, begun_s)
             self._tell(events)
             item.future.set_result(result)

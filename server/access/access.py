@@ -33,6 +33,9 @@ _LINK = "read-only link"
 _NO_BROWSER = Browser()
 BROWSER_LENGTH_MAX: Final = 200
 EXPIRY_LOOK_S = 2.0
+LOOK_S: Final = 0.3
+"""How long a look at a sign-in is believed, unless this station changes something meanwhile: so
+long one holds that another process has ended."""
 SEEN_S: Final = 60.0
 """How often it is written down when sessions were seen last."""
 
@@ -45,8 +48,22 @@ class SignedIn:
     caller: Caller
 
 
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """Who came in by what, when the database was looked at."""
+
+    caller: Caller
+    changes: int
+    """Of the database by this station, before the look."""
+    at_s: float
+
+
 class Access:
     """The door of one station.
+
+    Whom it let in a moment ago it lets in again without a look into the database, unless the
+    station has changed something there since: what it revokes ends at once, what another process
+    does after ``LOOK_S``.
 
     Tokens and sessions run out by the wall's clock, which a demo's scaled clock does not change.
     """
@@ -70,6 +87,7 @@ class Access:
         self._gate, self._gate_of_known = HashGate(), HashGate()
         self._first_code: str | None = None
         self._seen: dict[str, datetime] = {}
+        self._looks: dict[Proof, _Look] = {}
 
     async def prepare(self) -> str | None:
         """Return the code that creates the first admin, or ``None`` when there are people."""
@@ -218,21 +236,34 @@ class Access:
 
     async def caller_of(self, proof: Proof) -> Caller | None:
         """Return who came in by this, or ``None`` when it is worth nothing any more."""
-        at = self._wall.now()
-        found = await self._store.query(lambda session: callers_of(session, (proof,), at))
-        if proof not in found:
+        found = self._known(proof) or (await self._look_at((proof,))).get(proof)
+        if found is None:
             return await self._nobody()
         if proof.kind == "session":
-            self._seen[proof.digest] = at
-        return found[proof]
+            self._seen[proof.digest] = self._wall.now()
+        return found
 
     async def rights_of(self, proofs: Collection[Proof]) -> dict[Proof, Rights]:
         """Return what each proof lets somebody do; those that are worth nothing are left out."""
-        at = self._wall.now()
-
-        found = await self._store.query(lambda session: callers_of(session, proofs, at))
+        found, at = await self._look_at(proofs), self._wall.now()
         self._seen.update({proof.digest: at for proof in found if proof.kind == "session"})
         return {proof: caller.rights for proof, caller in found.items()}
+
+    def _known(self, proof: Proof) -> Caller | None:
+        """Return who came in by this as it was found a moment ago, if that must hold still."""
+        look = self._looks.get(proof)
+        if look is None or look.changes != self._store.changes:
+            return None
+        is_fresh = monotonic_s() - look.at_s < LOOK_S
+        return look.caller if is_fresh and self._wall.now() < look.caller.expires_at else None
+
+    async def _look_at(self, proofs: Collection[Proof]) -> dict[Proof, Caller]:
+        """Look into the database, and forget what was found there too long ago."""
+        at, changes, at_s = self._wall.now(), self._store.changes, monotonic_s()
+        found = await self._store.query(lambda session: callers_of(session, proofs, at))
+        self._looks = {key: one for key, one in self._looks.items() if at_s - one.at_s < LOOK_S}
+        self._looks |= {proof: _Look(caller, changes, at_s) for proof, caller in found.items()}
+        return found
 
     def seen_at(self, record: SessionRecord) -> datetime | None:
         """Return when a session was seen last, as far as it is not written down yet too."""

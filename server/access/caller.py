@@ -13,8 +13,8 @@ from db.query.station.people import (
     SessionRecord,
     TokenRecord,
     find_person,
-    find_session,
-    find_token,
+    find_sessions,
+    find_tokens,
 )
 from server.access.role import Right, Rights, Role
 
@@ -58,12 +58,15 @@ class Browser:
 
 def callers_of(session: Session, proofs: Collection[Proof], at: datetime) -> dict[Proof, Caller]:
     """Return whose each proof is, with their rights; those that are worth nothing are left out."""
+    sessions = [proof.digest for proof in proofs if proof.kind == "session"]
+    tokens = [proof.digest for proof in proofs if proof.kind == "token"]
     found: dict[Proof, SessionRecord | TokenRecord] = {}
-    for proof in proofs:
-        find = find_token if proof.kind == "token" else find_session
-        record = find(session, proof.digest, at)
-        if record is not None:
-            found[proof] = record
+    if sessions:
+        held = find_sessions(session, sessions, at)
+        found |= {Proof("session", digest): record for digest, record in held.items()}
+    if tokens:
+        known = find_tokens(session, tokens, at)
+        found |= {Proof("token", digest): record for digest, record in known.items()}
     roles = robot_roles(session, {holder_of(record) for record in found.values()})
     return {
         proof: _caller(proof, record, roles[holder_of(record)]) for proof, record in found.items()

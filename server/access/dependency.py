@@ -23,12 +23,12 @@ from server.access.stream import SignInWatch, Tickets
 from server.base.dependency import FoundationDep, service
 
 
-def get_guard(foundation: FoundationDep) -> Guard:
+async def get_guard(foundation: FoundationDep) -> Guard:
     """Return who checks the requests of this station."""
     return foundation.services.get(Guard)
 
 
-def get_access(foundation: FoundationDep) -> Access:
+async def get_access(foundation: FoundationDep) -> Access:
     """Return who knows the people of this station."""
     return foundation.services.get(Access)
 
@@ -105,7 +105,7 @@ WebSocketPilot = Annotated[Caller, Depends(_websocket_pilot)]
 Robots: TypeAlias = Callable[[Collection[str]], Awaitable[None]]
 
 
-def _pilot_of(request: Request, guard: GuardDep, caller: Pilot) -> Robots:
+async def _pilot_of(request: Request, guard: GuardDep, caller: Pilot) -> Robots:
     async def check(robots: Collection[str]) -> None:
         await guard.check_robots(caller, Right.PILOT, robots, request)
 
@@ -116,7 +116,7 @@ PilotOf = Annotated[Robots, Depends(_pilot_of)]
 """Refuses a request about robots that its body names, unless the caller may pilot each of them."""
 
 
-def _in_charge_of(request: Request, response: Response, guard: GuardDep) -> Robots:
+async def _in_charge_of(request: Request, response: Response, guard: GuardDep) -> Robots:
     async def check(robots: Collection[str]) -> None:
         caller: Caller = request.state.caller
         guard.check_script(caller)

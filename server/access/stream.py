@@ -12,7 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from db.fault import StoreError
 from robot_link.clock import monotonic_s
-from server.access.access import Access
+from server.access.access import LOOK_S, Access
 from server.access.caller import Caller, Proof
 from server.access.presence import Presence, Who, who
 from server.access.secret import new_secret, secret_hash
@@ -24,8 +24,6 @@ TICKET_S: Final = 30.0
 TICKETS_MAX: Final = 1000
 STREAMS_MAX: Final = 100
 """Of one person, link or script at once."""
-LOOK_S: Final = 0.3
-"""Between two looks whether the sign-ins in use still hold; another process may end one too."""
 
 
 @dataclass(frozen=True, slots=True)

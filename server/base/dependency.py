@@ -1,6 +1,10 @@
-"""How a route reaches what its station consists of, by the types in its signature."""
+"""How a route reaches what its station consists of, by the types in its signature.
 
-from collections.abc import Callable
+A dependency is ``async`` even where it awaits nothing: FastAPI runs any other function in a thread,
+which costs more than most requests do themselves.
+"""
+
+from collections.abc import Awaitable, Callable
 from datetime import datetime
 from typing import Annotated, TypeVar
 
@@ -17,7 +21,7 @@ from server.base.problem import FieldError, conflict, unprocessable
 S = TypeVar("S")
 
 
-def get_foundation(connection: HTTPConnection) -> Foundation:
+async def get_foundation(connection: HTTPConnection) -> Foundation:
     """Return the foundation of the application that serves this connection."""
     return connection.app.state.foundation
 
@@ -25,12 +29,12 @@ def get_foundation(connection: HTTPConnection) -> Foundation:
 FoundationDep = Annotated[Foundation, Depends(get_foundation)]
 
 
-def get_store(foundation: FoundationDep) -> Store:
+async def get_store(foundation: FoundationDep) -> Store:
     """Return the station's memory."""
     return foundation.store
 
 
-def get_clock(foundation: FoundationDep) -> Clock:
+async def get_clock(foundation: FoundationDep) -> Clock:
     """Return the robots' clock."""
     return foundation.clock
 
@@ -39,11 +43,12 @@ StoreDep = Annotated[Store, Depends(get_store)]
 ClockDep = Annotated[Clock, Depends(get_clock)]
 
 
-def service(kind: type[S]) -> Callable[[HTTPConnection], S]:
+def service(kind: type[S]) -> Callable[[HTTPConnection], Awaitable[S]]:
     """Return the dependency of a route on one service: ``Annotated[X, Depends(service(X))]``."""
 
-    def find(connection: HTTPConnection) -> S:
-        return get_foundation(connection).services.get(kind)
+    async def find(connection: HTTPConnection) -> S:
+        foundation: Foundation = connection.app.state.foundation
+        return foundation.services.get(kind)
 
     return find
 

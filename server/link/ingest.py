@@ -102,7 +102,7 @@ class FaultOf(Protocol[Judged]):
 CLOCK_OFF_MAX_S = 60.0
 """A tag receiver whose clock is farther off is not dated by it (``onboard.tag_listener``)."""
 GATHER_S = 0.05
-"""Telemetry is handed to the database in pieces of this length."""
+"""Telemetry is handed to the database in pieces of this length; each costs a transaction."""
 
 
 class _Told(NamedTuple):

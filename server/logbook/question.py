@@ -68,7 +68,7 @@ class Question:
         return Period(*shift.cut(asked.first, asked.last))
 
 
-def _question(
+async def _question(
     caller: Viewer,
     deployment: DeploymentDep,
     robot: Annotated[str | None, Query(description="Only about this robot.")] = None,

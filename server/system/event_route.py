@@ -53,7 +53,7 @@ class EventsView(View):
     """Send it as ``after`` to go on; it stays valid when the station restarts."""
 
 
-def _wanted(
+async def _wanted(
     robot: Annotated[str | None, Query(description="Events of this robot only.")] = None,
     kind: Annotated[
         list[str] | None,

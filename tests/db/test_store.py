@@ -28,12 +28,24 @@ def test_a_sample_that_arrives_twice_is_kept_once(store):
     assert count(store) == 2
 
 
-def test_appends_within_one_period_share_a_commit(store):
-    before = store.commits
+def test_appends_while_the_writer_is_busy_share_a_commit(store):
+    before, go_on = store.commits, threading.Event()
+    store.change(lambda _: go_on.wait(60))
     futures = [store.append([sample(number)]) for number in range(20)]
+    go_on.set()
     for future in futures:
         future.result(60)
-    assert store.commits - before <= 3
+    assert store.commits - before == 2
+
+
+def test_changes_are_counted_before_whoever_asked_goes_on(store):
+    before, counted = store.changes, []
+    for _ in range(3):
+        change = store.change(lambda _: None)
+        change.add_done_callback(lambda _: counted.append(store.changes - before))
+    store.append([sample(0)]).result(60)
+    assert counted == [1, 2, 3]
+    assert store.changes == before + 3
 
 
 def test_a_change_sees_the_rows_that_were_appended_before_it(store):

@@ -5,9 +5,13 @@ made. Run it with ``-s`` to see the count.
 """
 
 import ast
+import inspect
 import sys
 from collections import defaultdict
 from pathlib import Path
+
+from server.access.rate import calls_of
+from server.station import ROUTERS
 
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
@@ -73,3 +77,25 @@ def test_station_only_puts_its_capabilities_together():
         and not (SERVER / room / "install.py").exists()
     ]
     assert not missing
+
+
+def test_no_function_that_a_route_depends_on_runs_in_a_thread():
+    dependants = [
+        (route.path, route.dependant)
+        for router in ROUTERS
+        for route in router.routes
+        if hasattr(route, "dependant")
+    ]
+    functions = {
+        (path, call)
+        for path, dependant in dependants
+        for call in calls_of(dependant)
+        if inspect.isfunction(call)
+    }
+    assert len(functions) > len(dependants)
+    in_a_thread = {
+        f"{path}: {call.__qualname__}"
+        for path, call in functions
+        if not (inspect.iscoroutinefunction(call) or inspect.isasyncgenfunction(call))
+    }
+    assert not in_a_thread

@@ -3,7 +3,7 @@
 Secrets never reach the database: sessions and tokens are found by the hash of theirs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -182,9 +182,15 @@ def add_session(
 
 def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRecord | None:
     """Return the session of this secret, unless it or what it came in by has ended."""
-    statement = _sessions(at).where(person_tables.Session.secret_hash == secret_hash)
-    found = session.execute(statement).one_or_none()
-    return None if found is None else _session(*found)
+    return find_sessions(session, (secret_hash,), at).get(secret_hash)
+
+
+def find_sessions(
+    session: Session, secret_hashes: Collection[str], at: datetime
+) -> dict[str, SessionRecord]:
+    """Return the sessions of many secrets by their hashes, in one read."""
+    statement = _sessions(at).where(person_tables.Session.secret_hash.in_(secret_hashes))
+    return {row[0].secret_hash: _session(*row) for row in session.execute(statement)}
 
 
 def list_sessions(session: Session, at: datetime, person: str | None = None) -> list[SessionRecord]:
@@ -317,27 +323,28 @@ def add_token(
 
 def find_token(session: Session, secret_hash: str, at: datetime) -> TokenRecord | None:
     """Return the bearer token of this secret, unless it expired or was revoked."""
-    return _find_token(session, secret_hash, at, is_link=False)
+    return find_tokens(session, (secret_hash,), at).get(secret_hash)
 
 
 def find_link(session: Session, secret_hash: str, at: datetime) -> TokenRecord | None:
     """Return the read-only link of this secret, unless it expired or was revoked."""
-    return _find_token(session, secret_hash, at, is_link=True)
+    return find_tokens(session, (secret_hash,), at, are_links=True).get(secret_hash)
 
 
-def _find_token(
-    session: Session, secret_hash: str, at: datetime, *, is_link: bool
-) -> TokenRecord | None:
-    row = session.scalar(
+def find_tokens(
+    session: Session, secret_hashes: Collection[str], at: datetime, *, are_links: bool = False
+) -> dict[str, TokenRecord]:
+    """Return the bearer tokens, or the links, of many secrets by their hashes, in one read."""
+    rows = session.scalars(
         select(Token).where(
-            Token.secret_hash == secret_hash,
+            Token.secret_hash.in_(secret_hashes),
             Token.one_time.is_(False),
-            Token.is_link.is_(is_link),
+            Token.is_link.is_(are_links),
             Token.expires_at > at,
             Token.revoked_at.is_(None),
         )
     )
-    return None if row is None else _token(row)
+    return {row.secret_hash: _token(row) for row in rows}
 
 
 def use_one_time_token(session: Session, secret_hash: str, at: datetime) -> PersonRecord | None:

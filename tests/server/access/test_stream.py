@@ -13,9 +13,9 @@ from sqlalchemy import update
 
 from db.person_tables import Session as SessionRow
 from server.access import stream
-from server.access.access import Access
+from server.access.access import LOOK_S, Access
 from server.access.role import Role
-from server.access.stream import LOOK_S, SignInWatch
+from server.access.stream import SignInWatch
 from server.target import route as target_route
 from tests.server.conftest import GRACE, MINI, until
 from tests.server.station_app import PASSWORD, bearer, client_of, token_of
