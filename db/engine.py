@@ -13,9 +13,12 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, Operati
 from sqlalchemy.orm import Session
 
 from db.fault import DatabaseUrlError
+from db.sqlite_engine import sqlite_engine
 
 BUSY_TIMEOUT_MS = 1000
 READERS = 8
+WAIT_S = 30.0
+"""For one of an engine's connections, when all are in use."""
 READING = {"sqlite_begin": "BEGIN"}
 """Options of a connection of the writer's engine that only reads, and takes no write lock."""
 _LOCKED = f"The database stayed locked for {BUSY_TIMEOUT_MS / 1000:g} s."
@@ -30,7 +33,7 @@ def write_engine(url: str) -> Engine:
     so an acknowledged row must survive a power cut as well as SIGKILL; batches keep the price
     at a few dozen syncs a second.
     """
-    engine = create_engine(url, pool_size=1, max_overflow=0, hide_parameters=True, **_patience(url))
+    engine = _open(url, connections_max=1)
     if is_sqlite(engine):
         _prepare_sqlite(
             engine,
@@ -42,30 +45,34 @@ def write_engine(url: str) -> Engine:
 
 def read_engine(url: str) -> Engine:
     """Open an engine whose connections cannot change anything."""
-    engine = create_engine(
-        url,
-        pool_size=READERS,
-        max_overflow=0,
-        pool_timeout=30,
-        hide_parameters=True,
-        **_patience(url),
-    )
+    engine = _open(url, connections_max=READERS)
     if is_sqlite(engine):
         _prepare_sqlite(engine, begin="BEGIN", pragmas=("query_only=ON",))
         return engine
     return engine.execution_options(postgresql_readonly=True, isolation_level="REPEATABLE READ")
 
 
-def _patience(url: str) -> dict[str, Any]:
+def _open(url: str, connections_max: int) -> Engine:
+    parsed = make_url(url)
+    if parsed.get_backend_name() == "sqlite":
+        return sqlite_engine(parsed, connections_max, WAIT_S)
+    return create_engine(
+        parsed,
+        pool_size=connections_max,
+        max_overflow=0,
+        pool_timeout=WAIT_S,
+        hide_parameters=True,
+        **_patience(parsed),
+    )
+
+
+def _patience(url: URL) -> dict[str, Any]:
     """Return how an engine notices that a server is gone, and that it is back.
 
     A connection that died is found before it is used again; one that nobody answers, because the
     server's machine is gone, is given up after some seconds and not after a quarter of an hour.
     """
-    parsed = make_url(url)
-    if parsed.get_backend_name() != "postgresql":
-        return {}
-    wanted = {name: value for name, value in _LIBPQ.items() if name not in parsed.query}
+    wanted = {name: value for name, value in _LIBPQ.items() if name not in url.query}
     return {"pool_pre_ping": True, "connect_args": wanted}
 
 
