@@ -5,9 +5,8 @@ from typing import Any
 
 import pytest
 
-from server.app import create_app
 from server.base.live_feed import SECTIONS
-from server.base.settings import Settings
+from tests.server.conftest import application
 
 OPEN = {
     "EventData", "JsonSchema", "RecordingProposal", "SettingsDocument", "SettingsPatch",
@@ -18,7 +17,7 @@ OPEN = {
 
 @pytest.fixture(scope="module")
 def document() -> dict[str, Any]:
-    return create_app(Settings()).openapi()
+    return application().openapi()
 
 
 def free_objects(node: object, path: tuple[str, ...] = ()) -> Iterator[str]:

@@ -24,6 +24,7 @@ from server.access.caller import Caller, Proof
 from server.access.guard import Guard
 from server.access.role import Rights, Role
 from server.base.settings import Settings
+from tests.server.conftest import application
 from tests.server.station_app import (
     BASE_URL,
     PASSWORD,
@@ -67,12 +68,12 @@ ADMIN_ONLY = {
 }
 
 
-def operations(app):
+def operations():
     """Every operation of the REST interface: method, path as declared, path to ask.
 
     The live stream stands in the document too, but is a WebSocket, which refuses by itself.
     """
-    for path, item in app.openapi()["paths"].items():
+    for path, item in application().openapi()["paths"].items():
         for method, operation in item.items():
             is_stream = "101" in operation["responses"]
             if not is_stream and (method.upper(), path) not in OPEN_TO_ALL:
@@ -81,7 +82,7 @@ def operations(app):
 
 async def test_nothing_but_health_is_told_to_strangers(app, anyone):
     asked = 0
-    for method, _, path in operations(app):
+    for method, _, path in operations():
         answer = await anyone.request(method, path, json={})
         assert answer.status_code == 401, (method, path)
         assert answer.headers["WWW-Authenticate"] == "Bearer"
@@ -91,7 +92,7 @@ async def test_nothing_but_health_is_told_to_strangers(app, anyone):
 
 async def test_a_viewer_changes_nothing(app, anyone):
     headers = bearer(await token_of(app, Role.VIEWER))
-    for method, declared, path in operations(app):
+    for method, declared, path in operations():
         if method != "GET" and declared not in OPEN_TO_VIEWERS:
             answer = await anyone.request(method, path, json={}, headers=headers)
             assert answer.status_code == 403, (method, path)
@@ -101,7 +102,7 @@ async def test_a_viewer_changes_nothing(app, anyone):
 
 async def test_people_and_tokens_are_for_administrators(app, anyone):
     headers = bearer(await token_of(app, Role.PILOT))
-    for method, declared, path in operations(app):
+    for method, declared, path in operations():
         if declared in ADMIN_ONLY:
             answer = await anyone.request(method, path, json={}, headers=headers)
             assert answer.status_code == 403, (method, path)

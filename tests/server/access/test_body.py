@@ -8,6 +8,7 @@ import pytest
 from server.access import body
 from server.access.body import FILE_BYTES_MAX
 from server.access.role import Role
+from tests.server.conftest import application
 from tests.server.station_app import bearer, client_of, token_of
 
 STOPS = b"stops"
@@ -125,8 +126,8 @@ async def test_what_is_no_json_is_called_that(app, sent, reason):
     assert reason in answer.json()["detail"]
 
 
-def test_every_route_that_takes_a_file_says_how_large_it_may_be(app):
-    paths = app.openapi()["paths"]
+def test_every_route_that_takes_a_file_says_how_large_it_may_be():
+    paths = application().openapi()["paths"]
     taking = {
         path
         for path, verbs in paths.items()

@@ -4,9 +4,8 @@ import asyncio
 
 import pytest
 
-from server.app import create_app
 from server.base.job import JobError
-from server.base.settings import Settings
+from tests.server.conftest import application
 from tests.server.station_app import client_of, running, signed_in
 
 _SHAPES = {"JobView", "StartedView"}
@@ -64,8 +63,8 @@ async def is_waited_for(app, job):
             await asyncio.sleep(0.01)
 
 
-def test_every_route_that_begins_work_answers_in_one_of_two_shapes(tmp_path):
-    document = create_app(Settings(data_dir=tmp_path)).openapi()
+def test_every_route_that_begins_work_answers_in_one_of_two_shapes():
+    document = application().openapi()
     found = {}
     for path, methods in document["paths"].items():
         for operation in methods.values():
@@ -77,8 +76,8 @@ def test_every_route_that_begins_work_answers_in_one_of_two_shapes(tmp_path):
     assert others == _SEVERAL
 
 
-def test_no_answer_names_a_job_beside_a_202(tmp_path):
-    document = create_app(Settings(data_dir=tmp_path)).openapi()
+def test_no_answer_names_a_job_beside_a_202():
+    document = application().openapi()
     job = {"$ref": "#/components/schemas/JobView"}
     begun = [
         path
