@@ -51,7 +51,7 @@ const LINKS: Record<string, Word> = {
   mute: {
     text: 'Radio mute',
     tone: 'alarm',
-    help: 'The port is open, but the station’s own radio does not answer. The station keeps asking.',
+    help: 'The port is open, but the station’s own radio does not answer.',
   },
   port_closed: {
     text: 'Port closed',
@@ -61,7 +61,7 @@ const LINKS: Record<string, Word> = {
   unplugged: {
     text: 'Unplugged',
     tone: 'watch',
-    help: 'A person pulled the plug: the station does not use this link until it is plugged in again.',
+    help: 'A person pulled the plug: the station does not use this link.',
   },
 };
 
@@ -118,7 +118,7 @@ const PLANS: Record<PlanState, Word> = {
   on_board: {
     text: 'On board',
     tone: 'ok',
-    help: 'The robot has the plan: it answered with the plan’s own fingerprint (SHA-256).',
+    help: 'The robot answered with the plan’s own fingerprint (SHA-256).',
   },
   running: { text: 'Running', tone: 'ok', help: 'The robot says that it is flying this plan.' },
   done: { text: 'Done', tone: 'plain', help: 'The robot says that it flew the last leg.' },
