@@ -173,12 +173,6 @@ export const PRIMITIVES: Record<PrimitiveKind, { title: string; help: string }> 
   },
 };
 
-export const FIDELITIES = [
-  { title: 'Low fidelity', help: 'Measured where the robot was poorly located.' },
-  { title: 'Middle fidelity', help: 'Measured between a fix and the drift that follows.' },
-  { title: 'High fidelity', help: 'Measured soon after a position fix.' },
-] as const;
-
 /** `not_a_word` as a person writes it. */
 export function words(key: string): string {
   const spaced = key
@@ -192,10 +186,6 @@ export function words(key: string): string {
 export function creditText(credits: number): string {
   return `${credits} ${credits === 1 ? 'credit' : 'credits'}`;
 }
-
-/** What an energy unit is, for people who meet the word. */
-export const ENERGY_HELP =
-  'Energy units of the planner: a dive costs 1, a glide or a spiral 1.5, and time. The account of a plan says about how many watt-hours they are.';
 
 /** Plan 14 of `plan-14`. */
 export function planName(id: string | null): string {
