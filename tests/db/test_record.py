@@ -187,10 +187,10 @@ def test_a_session_ends_with_its_time_and_with_its_person(store):
             store, people.add_session, ann, secret_hash=secret, csrf_token="c", at=START,
             expires_at=LATER,
         )  # fmt: skip
-    assert see(store, people.find_session, "one", START).person.name == "ann"
-    assert see(store, people.find_session, "one", LATER) is None
+    assert see(store, people.find_sessions, ("one",), START)["one"].person.name == "ann"
+    assert see(store, people.find_sessions, ("one",), LATER) == {}
     do(store, people.change_person, "ann", disabled=True, at=START)
-    assert see(store, people.find_session, "two", START) is None
+    assert see(store, people.find_sessions, ("two",), START) == {}
 
 
 def test_a_one_time_sign_in_works_once(store):

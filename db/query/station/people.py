@@ -180,15 +180,13 @@ def add_session(
     )
 
 
-def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRecord | None:
-    """Return the session of this secret, unless it or what it came in by has ended."""
-    return find_sessions(session, (secret_hash,), at).get(secret_hash)
-
-
 def find_sessions(
     session: Session, secret_hashes: Collection[str], at: datetime
 ) -> dict[str, SessionRecord]:
-    """Return the sessions of many secrets by their hashes, in one read."""
+    """Return the sessions of many secrets by their hashes, in one read.
+
+    One that has ended is left out, and so is one that came in by what has ended.
+    """
     statement = _sessions(at).where(person_tables.Session.secret_hash.in_(secret_hashes))
     return {row[0].secret_hash: _session(*row) for row in session.execute(statement)}
 
