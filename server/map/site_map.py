@@ -61,8 +61,8 @@ class SiteMap:
     """A map that grows; one thread at a time may change it, any may read its views.
 
     At rest it is what it shows and its samples, some 100 kB; awake it also has the factors that
-    the next samples are taken in with, some 20 MB. Whatever needs these wakes it, which takes as
-    long as to condition the map anew.
+    the next samples are taken in with, some 60 MB of a full map. Whatever needs these wakes it,
+    which takes as long as to condition the map anew.
 
     Args:
         config: The model, with the fidelity thresholds that hold.
@@ -219,12 +219,13 @@ class SiteMap:
 
     def _awake(self) -> LiveMap:
         """Return the map with its factors: at rest these are made of the kept samples."""
-        if self._live is None:
+        live = self._live
+        if live is None:
             live = LiveMap(self.config, self.grid)
             if len(self._kept):
                 live.replace(self._kept)
             self._live, self._kept = live, FieldSamples.none()
-        return self._live
+        return live
 
     def _of_robot(self, robot: str, samples: Sequence[Sample]) -> FieldSamples:
         before = self._last.get(robot)
