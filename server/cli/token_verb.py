@@ -20,7 +20,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     create.add_argument("--name", default="script", help="stands in the log as who did something")
     create.add_argument("--days", type=float, default=30.0, help="how long it is valid")
     show = actions.add_parser("list", help="list the tokens, without their secrets")
-    revoke = actions.add_parser("revoke", help="revoke a token at once")
+    revoke = actions.add_parser(
+        "revoke", help="revoke a token; a running station follows within 0.3 s"
+    )
     revoke.add_argument("token", help="its id, such as token-3")
     for action in (create, show, revoke):
         add_data_option(action)
