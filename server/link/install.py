@@ -1,14 +1,10 @@
 """Puts the capability together."""
 
-from robot_link.standard_config import StandardCommandConfig
-from robot_link.station.gateway.address import is_acoustic
-from robot_link.transport.opening import is_radio
 from robot_link.transport.shelf import Shelf
 from server.access.subject import Subjects
-from server.base.event_bus import ChannelsChanged, SettingsChanged
+from server.base.event_bus import ChannelsChanged
 from server.base.foundation import Foundation
-from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched, RobotChanged, RobotReported, SigningChanged, TrackGrew
+from server.fleet.event import RobotReported, TrackGrew
 from server.fleet.fleet import Fleet
 from server.link import onboard_route, range_route, route, trial_route, waypoint_route
 from server.link.channel_tables import ChannelTables
@@ -16,13 +12,13 @@ from server.link.derived import DerivedValues
 from server.link.event import (
     DetectionsStored,
     PlanReported,
-    RadiosChanged,
     SamplesStored,
     StateReported,
     TelemetryBridged,
     ValuesStored,
 )
 from server.link.figures import IntakeFigures
+from server.link.fleet_lines import FleetLines
 from server.link.ingest import Ingest
 from server.link.moments import Moments
 from server.link.parameters import Parameters
@@ -53,37 +49,25 @@ def install(foundation: Foundation, make_link: LinkFactory, shelf: Shelf) -> Non
         make_link: Makes what serves the radios; where tests put their own.
         shelf: Where lines may be open already, and where they are left to a later process.
     """
-    foundation.services.get(Subjects).add_details("log", "name")
     bus, clock, services = foundation.bus, foundation.clock, foundation.services
-    fleet, disabled_links = services.get(Fleet), services.get(DisabledLinks)
+    services.get(Subjects).add_details("log", "name")
+    fleet = services.get(Fleet)
     tables = services.add(ChannelTables(foundation, fleet))
+    bus.subscribe(ChannelsChanged, lambda _: tables.catalogue_changed())
     ingest = services.add(Ingest(foundation.store, fleet, clock, bus, foundation.channels, tables))
-    derived = DerivedValues(fleet, clock, foundation.channels)
     signing = RobotSigning(foundation.secrets, clock)
     radios = services.add(Radios(clock, ingest.take, make_link, signing, shelf))
     ranging = services.add(Ranging(foundation, ingest.take))
+    lines = FleetLines(foundation, radios, ranging, signing)
+    derived = DerivedValues(fleet, clock, foundation.channels)
     services.add(Parameters(foundation, fleet, radios))
     services.add(Waypoints(foundation, fleet, radios))
     services.add(RobotLogs(foundation, fleet, radios))
     services.add(LinkTrials())
 
-    async def follow_fleet() -> None:
-        await ranging.set_robots([status.record for status in fleet.statuses])
-
-    async def learn_orders() -> None:
-        for status in fleet.statuses:
-            if status.record.is_foreign:
-                robot = status.record.id
-                found = await foundation.configurations.current("standard_commands", robot)
-                radios.set_orders(robot, found.value_as(StandardCommandConfig))
-
     async def start() -> None:
         await tables.load()
-        await learn_orders()
-        radios.set_robots([status.record for status in fleet.statuses])
-        for uri in disabled_links.disabled:
-            switch(LinkSwitched(uri, is_enabled=False))
-        await follow_fleet()
+        await lines.start()
         for status in fleet.statuses:
             derived.look_at(status.record.id)
 
@@ -91,34 +75,34 @@ def install(foundation: Foundation, make_link: LinkFactory, shelf: Shelf) -> Non
         await ranging.stop()
         ingest.flush()
 
-    def follow_radios() -> None:
-        if radios.set_robots([status.record for status in fleet.statuses]):
-            bus.publish(RadiosChanged())
-
-    def signing_changed(event: SigningChanged) -> None:
-        signing.decide_anew(event.robot)
-        follow_radios()
-
-    async def follow_orders() -> None:
-        await learn_orders()
-        follow_radios()
-
-    def settings_changed(event: SettingsChanged) -> None:
-        if event.kind == "standard_commands":
-            foundation.background.start("orders to MAVLink vehicles", follow_orders())
-
-    def robot_changed(_: RobotChanged) -> None:
-        follow_radios()
-        foundation.background.start("acoustic modems of the fleet", follow_fleet())
-
-    def switch(event: LinkSwitched) -> None:
-        if is_radio(event.uri):
-            radios.set_enabled(event.uri, is_enabled=event.is_enabled)
-        if is_acoustic(event.uri):
-            ranging.set_enabled(event.uri, is_enabled=event.is_enabled)
-
+    _acknowledge(foundation, radios)
+    _tell_pages(foundation)
+    _follow_samples(foundation, derived)
+    lines.subscribe()
     foundation.metrics.add(lambda: figures_of(fleet))
     services.get(StationClock).add_witness(lambda: clock_offsets_s(fleet))
+    _install_moments(foundation, fleet)
+    foundation.lifetime.on_stop(stop)
+    foundation.lifetime.on_start(start)
+    foundation.lifetime.run("derived channels", derived.run)
+    foundation.lifetime.run("radio", radios.run)
+    foundation.lifetime.run("sums of reports", StateSums(foundation).run)
+
+
+def _acknowledge(foundation: Foundation, radios: Radios) -> None:
+    """Acknowledge to robots what is kept, in the database or on the disk."""
+
+    def acknowledge_bridged(event: TelemetryBridged) -> None:
+        radios.acknowledge(event.samples)
+        radios.acknowledge(event.heard)
+
+    foundation.bus.subscribe(TelemetryBridged, acknowledge_bridged)
+    foundation.bus.subscribe(SamplesStored, radios.acknowledge)
+    foundation.bus.subscribe(DetectionsStored, radios.acknowledge)
+
+
+def _tell_pages(foundation: Foundation) -> None:
+    """Tell pages that there are new values and, once these are stored, a longer track."""
     feed, grown = foundation.feed, set[str]()
 
     def stored(event: ValuesStored) -> None:
@@ -127,35 +111,24 @@ def install(foundation: Foundation, make_link: LinkFactory, shelf: Shelf) -> Non
             grown.discard(event.robot)
             feed.mark("track", event.robot)
 
-    bus.subscribe(ChannelsChanged, lambda _: tables.catalogue_changed())
-    bus.subscribe(TrackGrew, lambda event: grown.add(event.robot))
-    bus.subscribe(ValuesStored, stored)
+    foundation.bus.subscribe(TrackGrew, lambda event: grown.add(event.robot))
+    foundation.bus.subscribe(ValuesStored, stored)
 
+
+def _follow_samples(foundation: Foundation, derived: DerivedValues) -> None:
     def follow(event: SamplesStored) -> None:
         for robot in {sample.robot for sample in event.samples}:
             derived.look_at(robot)
 
-    def acknowledge_bridged(event: TelemetryBridged) -> None:
-        radios.acknowledge(event.samples)
-        radios.acknowledge(event.heard)
+    foundation.bus.subscribe(SamplesStored, follow)
+    figures = IntakeFigures(foundation.metrics, foundation.clock)
+    foundation.bus.subscribe(SamplesStored, figures.stored)
 
-    bus.subscribe(TelemetryBridged, acknowledge_bridged)
-    bus.subscribe(SamplesStored, radios.acknowledge)
-    bus.subscribe(DetectionsStored, radios.acknowledge)
-    bus.subscribe(SamplesStored, follow)
-    bus.subscribe(SamplesStored, IntakeFigures(foundation.metrics, clock).stored)
-    bus.subscribe(RobotChanged, robot_changed)
-    bus.subscribe(SettingsChanged, settings_changed)
-    bus.subscribe(SigningChanged, signing_changed)
-    bus.subscribe(LinkSwitched, switch)
+
+def _install_moments(foundation: Foundation, fleet: Fleet) -> None:
     moments = Moments(foundation, fleet)
-    bus.subscribe(StateReported, moments.take_state)
-    bus.subscribe(PlanReported, moments.take_plan)
-    bus.subscribe(RobotReported, lambda event: moments.robot_changed(event.robot))
+    foundation.bus.subscribe(StateReported, moments.take_state)
+    foundation.bus.subscribe(PlanReported, moments.take_plan)
+    foundation.bus.subscribe(RobotReported, lambda event: moments.robot_changed(event.robot))
     foundation.lifetime.on_load(moments.load)
     foundation.lifetime.run("moments of robots", moments.run)
-    foundation.lifetime.on_stop(stop)
-    foundation.lifetime.on_start(start)
-    foundation.lifetime.run("derived channels", derived.run)
-    foundation.lifetime.run("radio", radios.run)
-    foundation.lifetime.run("sums of reports", StateSums(foundation).run)
