@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
+from db.query.storage.prunable import PRUNABLE
+from robot_link.storage_config import StorageConfig
+
 
 @dataclass(frozen=True, slots=True)
 class StoredKind:
@@ -18,23 +21,23 @@ class StoredKind:
     """Folders of the data folder that it lies in."""
 
 
+def _prunable(key: str, *beside: str) -> StoredKind:
+    """Return a kind that has a rule, with the tables that go along with its rows."""
+    kind, title = PRUNABLE[key], StorageConfig.model_fields[key].title
+    return StoredKind(key, title or kind.title, (kind.table.name, *beside), kind.at)
+
+
 STORED_KINDS: Final = (
-    StoredKind("raw", "Raw bytes of links", ("raw_frame",), "at"),
-    StoredKind(
-        "states", "State reports", ("state_report", "state_rollup", "state_summed"), "measured_at"
-    ),
-    StoredKind(
+    _prunable("raw"),
+    _prunable("states", "state_rollup", "state_summed"),
+    _prunable(
         "samples",
-        "Samples",
-        (
-            *("sample", "sample_rollup", "sample_log", "sample_run"),
-            *("recovered_sample", "smoothed_place", "other_series"),
-        ),
-        "measured_at",
+        *("sample_rollup", "sample_log", "sample_run"),
+        *("recovered_sample", "smoothed_place", "other_series"),
     ),
-    StoredKind("readings", "Readings", ("reading", "reading_rollup"), "measured_at"),
-    StoredKind("actuators", "Actuator reports", ("actuator_report",), "measured_at"),
-    StoredKind("fixes", "Camera fixes", ("camera_fix",), "measured_at"),
+    _prunable("readings", "reading_rollup"),
+    _prunable("actuators"),
+    _prunable("fixes"),
     StoredKind("detections", "Tags heard", ("detection", "receiver_report"), "measured_at"),
     StoredKind(
         "reports",
