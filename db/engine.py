@@ -16,6 +16,8 @@ from db.fault import DatabaseUrlError
 from db.sqlite_engine import sqlite_engine
 
 BUSY_TIMEOUT_MS = 1000
+OPENING_TIMEOUT_MS = 10_000
+"""A process that closes the database just now holds it alone until its log is written back."""
 READERS = 8
 WAIT_S = 30.0
 """For one of an engine's connections, when all are in use."""
@@ -185,14 +187,14 @@ def opening_sentence(error: DBAPIError) -> str:
     """Say what is wrong with a database that cannot be opened, and the way out."""
     code = getattr(error.orig, "sqlite_errorcode", None)
     ways = {
-        5: _UNLOCK,
-        6: _UNLOCK,
         8: "Give this user the right to write it and its folder, or choose another with --data.",
         11: _MEND,
         13: "Make room, then start again.",
         14: "Its folder must be there, and this user needs the right to write in it.",
         26: _MEND,
     }
+    if isinstance(code, int) and code & 0xFF in {5, 6}:
+        return _STAYS_LOCKED
     if isinstance(code, int):
         return f"{fault_sentence(error)} {ways.get(code & 0xFF, _MEND)}"
     return (
@@ -201,7 +203,10 @@ def opening_sentence(error: DBAPIError) -> str:
     )
 
 
-_UNLOCK = "Close what else uses it, such as another station or a `grace` verb, then start again."
+_STAYS_LOCKED = (
+    "The database stays locked. Close what else uses it, such as another station or a `grace` "
+    "verb, then start again."
+)
 _MEND = (
     "See what is wrong with `grace db check`; to go back to a backup, move the file away and use "
     "`grace db restore`."
@@ -217,9 +222,10 @@ def _prepare_sqlite(engine: Engine, begin: str, pragmas: tuple[str, ...]) -> Non
         del record
         # The driver's own transaction handling begins too late for a snapshot; ours is explicit.
         connection.isolation_level = None
-        connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
+        connection.execute(f"PRAGMA busy_timeout={OPENING_TIMEOUT_MS}")
         for pragma in pragmas:
             connection.execute(f"PRAGMA {pragma}")
+        connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
 
     def begun(connection: Connection) -> None:
         options = connection.get_execution_options()

@@ -1,11 +1,12 @@
 import sqlite3
 import time
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 
 import pytest
 from sqlalchemy import text
 
-from db import writer
+from db import engine, writer
 from db.fault import BufferFullError, StoreUnavailableError
 from db.query.measured.samples import sampled_variables
 from db.query.station.events import add_event
@@ -83,7 +84,7 @@ def test_a_full_disk_loses_nothing_that_was_acknowledged(store):
         assert number < 100_000
         futures.append(store.append([sample(number + i) for i in range(200)]))
         number += 200
-        time.sleep(0.001)
+        wait_until(lambda: store.waiting_rows < 2000 or store.fault is not None)
     assert store.fault == "The disk is full."
     acknowledged = sum(200 for future in futures if future.done() and not future.exception())
     assert stored(store) >= acknowledged
@@ -144,3 +145,18 @@ def test_rows_that_cannot_be_written_before_the_end_are_given_back(store, url):
         store.close()
         with pytest.raises(StoreUnavailableError):
             waiting.result(60)
+
+
+def test_a_database_that_another_process_closes_is_waited_for(url):
+    """As met: the log of a station that ends is written back while the next one starts."""
+    Store.open(url).close()
+    other = sqlite3.connect(url.removeprefix("sqlite:///"), isolation_level=None)
+    other.execute("PRAGMA locking_mode=EXCLUSIVE")
+    other.execute("PRAGMA journal_mode=DELETE")
+    other.execute("BEGIN EXCLUSIVE")
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(Store.open, url)
+        wait([opening], timeout=2 * engine.BUSY_TIMEOUT_MS / 1000)
+        other.execute("COMMIT")
+        other.close()
+        opening.result(60).close()

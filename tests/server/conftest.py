@@ -15,7 +15,6 @@ from fastapi import FastAPI
 from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE, TANK, Site
-from db import engine
 from db.query.fleet.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.clock import Clock
@@ -136,12 +135,6 @@ def memory(prepared_database: Path, tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(autouse=True)
 def _known_fleet(prepared_database: Path, tmp_path: Path) -> None:
     shutil.copy(prepared_database, tmp_path / DATABASE)
-
-
-@pytest.fixture(autouse=True)
-def _impatient_database(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests that lock the database need not wait a second for each try."""
-    monkeypatch.setattr(engine, "BUSY_TIMEOUT_MS", 100)
 
 
 @pytest.fixture(autouse=True)
