@@ -509,9 +509,10 @@ class RobotLink:
         await self._station_known.wait()
         while True:
             self._plan.changed.clear()
-            if (queue := self._plan.queue.due(self._plan.plan_hash)) is not None:
+            queue, said = self._plan.queue.due(self._plan.plan_hash), self._plan.said
+            if queue is not None:
                 await self._send(queue, _ATTEMPTS)  # first: it tells how the plan before ended
-            await self._send(self._plan.said, _ATTEMPTS)
+            await self._send(said, _ATTEMPTS)  # of the same moment
             await set_or_after(self._plan.changed, self._timing.plan_report_s)
 
     async def _beat(self) -> None:

@@ -12,7 +12,7 @@ HOLD: Final = timedelta(milliseconds=250)
 """So long a moment waits for cameras whose pictures come later."""
 OLDEST: Final = timedelta(seconds=OLDEST_S)
 """Older pictures tell nobody where a robot is."""
-_LATELY: Final = timedelta(seconds=2)
+LATELY: Final = timedelta(seconds=2)
 """A camera that brought nothing for so long is not waited for."""
 
 
@@ -67,7 +67,7 @@ class Gathering:
         waits = any(
             camera not in cameras and newest.taken_at - first <= self.together
             for camera, newest in self._newest.items()
-            if now - newest.arrived_at <= _LATELY
+            if now - newest.arrived_at <= LATELY
         )
         if waits and now < self._due(moment):
             return None

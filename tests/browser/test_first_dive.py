@@ -2,7 +2,6 @@
 
 import re
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from tests.browser.figure import Journey, told_live, wall_s, watch_channel
 from tests.browser.test_checklist import THUMB_PX
 from tests.browser.walk import CHROMIUM, SHOTS, press
 from tests.e2e.demo import ROOT
+from tests.free_port import free_port
 from tests.server.cli.test_process import serve
 
 pytestmark = [
@@ -42,9 +42,7 @@ class Station:
     """A station without a robot, and a robot at the end of a serial port."""
 
     def __init__(self, data: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            desk = ("--demo-port", str(free.getsockname()[1]))
+        desk = ("--demo-port", str(free_port()))
         self.data = data
         self._station, self.url = serve(data, "--simulation", *desk)
         assert self._station.stdout is not None

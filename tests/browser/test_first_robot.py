@@ -16,6 +16,7 @@ from robot_link.mavlink.telemetry import state_message
 from robot_link.messages import RobotId, SystemId
 from tests.browser.person import Person
 from tests.browser.walk import CHROMIUM
+from tests.free_port import free_port
 from tests.robot_link.far_end import heartbeat
 from tests.server.cli.test_process import serve
 from tests.server.fake_link import state_report
@@ -49,9 +50,7 @@ def calling(port, system):
 
 
 def test_an_empty_station_hears_a_new_robot_that_was_added_in_the_browser(browser, tmp_path):
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port(socket.SOCK_DGRAM)
     process, url = serve(tmp_path)
     person = Person()
     page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()

@@ -171,7 +171,7 @@ def test_two_people_keep_one_log_book_and_hand_their_watch_over(browser, calm, s
         article(ann, "Ballast set to 42 g.").get_by_role("link", name="Open this moment").click()
         replay = ann.get_by_role("region", name="Replay")
         expect(replay).to_contain_text("not live")
-        assert "?at=" in ann.url
+        expect(ann).to_have_url(re.compile(r"[?]at="))
         replay.get_by_role("button", name="Back to live").click()
         expect(replay).to_have_count(0)
 

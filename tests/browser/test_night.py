@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.browser.figure import Journey, told_live, wall_s, watch_channel
 from tests.browser.walk import CHROMIUM, SHOTS, browser_page, expect_done, hold, open_page
 from tests.e2e.demo import Demo, Json
+from tests.free_port import free_port
 
 pytestmark = [
     pytest.mark.browser,
@@ -69,9 +69,7 @@ def hook() -> Iterator[Hook]:
 
 @pytest.fixture
 def night(tmp_path: Path) -> Iterator[Demo]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     origins = json.dumps([f"http://127.0.0.1:{port}"])
     options = ("--robots", "mini-1", "--port", str(port), "--speed", str(SPEED))
     environment = {**os.environ, "GRACE_PUBLIC_ORIGINS": origins}

@@ -15,6 +15,7 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.walk import CHROMIUM, SHOTS
+from tests.free_port import free_port
 from webui.static import mount_app
 
 pytestmark = [
@@ -38,9 +39,7 @@ class Pages:
     dist: Path
 
     def __post_init__(self) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
 
     @contextmanager

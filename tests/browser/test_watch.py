@@ -7,7 +7,6 @@ want one robot, the watch is handed over, water gets into a hull, and nobody ack
 import json
 import os
 import re
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from tests.browser.test_look_everywhere import THEMES
 from tests.browser.test_night import Hook
 from tests.browser.walk import CHROMIUM, SHOTS, browser_page, hold, open_page
 from tests.e2e.demo import Demo
+from tests.free_port import free_port
 
 pytestmark = [
     pytest.mark.browser,
@@ -47,9 +47,7 @@ def hook() -> Iterator[Hook]:
 
 @pytest.fixture
 def night(tmp_path: Path) -> Iterator[Demo]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     origins = json.dumps([f"http://127.0.0.1:{port}"])
     options = ("--robots", "mini-1", "--port", str(port), "--speed", str(SPEED))
     environment = {**os.environ, "GRACE_PUBLIC_ORIGINS": origins}

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +17,7 @@ from grace_client import AsyncStation, Patience, Station
 from server.access import register
 from server.access.role import Role
 from server.base.settings import Settings
+from tests.free_port import free_port
 from tests.server.conftest import MINI, _add_fleet
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(900)]
@@ -49,9 +49,7 @@ def token(folder):
 
 @pytest.fixture
 def port():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
+    return free_port()
 
 
 @contextmanager

@@ -32,11 +32,15 @@ for number in range(first, first + 1_000_000):
 """
 
 
+LEAST = 40
+"""Rows that are acknowledged before a kill, however slow the disk is."""
+
+
 def acknowledged_before_kill(url, first, seconds):
     child = subprocess.Popen(
         [sys.executable, "-c", CHILD, url, str(first)], stdout=subprocess.PIPE, text=True
     )
-    numbers = [int(child.stdout.readline())]
+    numbers = [int(child.stdout.readline()) for _ in range(LEAST)]
     time.sleep(seconds)
     os.kill(child.pid, signal.SIGKILL)
     numbers += [int(line) for line in child.stdout.read().splitlines() if line]

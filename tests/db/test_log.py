@@ -41,7 +41,7 @@ def test_events_come_in_pages_and_by_robot(store):
     for number in range(5):
         robot = "mini-1" if number % 2 else None
         store.change(lambda s, n=number, r=robot: add_event(s, START, "a", str(n), robot=r)).result(
-            5
+            60
         )
     with store.read() as session:
         assert [e.text for e in events_after(session, 0, limit=2)] == ["0", "1"]

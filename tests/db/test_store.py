@@ -94,10 +94,10 @@ def test_readers_do_not_wait_for_a_transaction_under_way(store):
     def slow(session):
         add_event(session, START, "test", "slow")
         begun.set()
-        go_on.wait(5)
+        go_on.wait(60)
 
     future = store.change(slow)
-    assert begun.wait(5)
+    assert begun.wait(60)
     assert count(store) == 0
     go_on.set()
     future.result(60)

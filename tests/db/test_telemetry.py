@@ -147,7 +147,8 @@ def test_a_long_track_is_read_by_column_and_no_object_is_made_for_a_row(store):
     max_points=st.integers(min_value=4, max_value=25),
 )
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_decimation_keeps_the_extremes_and_the_order(store, depths, max_points):
     robot = f"mini-{uuid4()}"  # another one for each example

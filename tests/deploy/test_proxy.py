@@ -1,10 +1,8 @@
 """The station behind Caddy and nginx, by the files that an administrator gets."""
 
-import contextlib
 import io
 import json
 import os
-import random
 import re
 import shutil
 import socket
@@ -22,6 +20,7 @@ from websockets.sync.client import connect
 
 from tests.browser.walk import CHROMIUM, chromium, expect_scene
 from tests.deploy.authority import make_pair
+from tests.free_port import free_port
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -34,15 +33,6 @@ PROXIES = {
     "nginx": shutil.which("nginx") or shutil.which("nginx", path="/usr/sbin"),
 }
 pytestmark = [pytest.mark.process, pytest.mark.timeout(900)]
-
-
-def free_port():
-    """Return a port that nobody has, and that the system gives to nobody by itself."""
-    while True:
-        port = random.SystemRandom().randrange(20_000, 30_000)
-        with socket.socket() as free, contextlib.suppress(OSError):
-            free.bind(("127.0.0.1", port))
-            return port
 
 
 def caddy(folder, site, upstream):
@@ -97,7 +87,7 @@ class Behind:
         self.url = f"https://localhost:{site}"
         self.data = folder / "data"
         self.grace("user", "add", "ann", "--role", "admin", typed=PASSWORD)
-        link = f"udp://127.0.0.1:{free_port()}?listen=1"
+        link = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?listen=1"
         self.grace(
             "robot", "add", "eva", "--system", "21", "--model", "miniglider", "--water",
             "test-tank", "--unsigned", "--link", link,

@@ -34,6 +34,7 @@ from server.base.settings import Settings
 from server.cli.http_server import LAST_REQUEST_S
 from server.cli.service.preparation import prepare
 from tests.db.old_schema import RowMaker, reflected
+from tests.free_port import free_port
 from tests.server.cli.test_process import alive
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
@@ -286,9 +287,7 @@ def line(tmp_path):
 
 @pytest.fixture
 def port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
+    return free_port(socket.SOCK_DGRAM)
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from tests.e2e.demo import Demo
 
 pytestmark = [pytest.mark.walk, pytest.mark.timeout(1200)]
 SPEED = 20
-LOST_S = 60.0
-"""Of the robot's clock: three seconds of the wall, for which a busy machine may not run it."""
+LOST_S = 200.0
+"""Of the robot's clock: ten seconds of the wall; for some a busy machine may not run it."""
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +59,11 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     draft = demo.get(f"/api/plans/{plan}")
     assert (draft["state"], draft["violations"], draft["warnings"]) == ("draft", [], [])
     demo.post(f"/api/plans/{plan}/upload", {"start": True})
-    held = demo.wait("a hold on the target", lambda: in_phase(demo, "tracking"), 30.0)
-    assert held["is_barrier_on"]
+    held = demo.wait(
+        "a hold on the target",
+        lambda: (report := in_phase(demo, "tracking")) and report["is_barrier_on"] and report,
+        30.0,
+    )
     assert held["hypotheses"]
     assert held["true_ne_m"] is not None
     demo.wait(
@@ -70,8 +73,11 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     )
 
     told(demo, "quiet")
-    lost = demo.wait("the loss of the target", lambda: in_phase(demo, "lost"), 30.0)
-    assert lost["is_quiet"]
+    lost = demo.wait(
+        "the loss of the target",
+        lambda: (report := in_phase(demo, "lost")) and report["is_quiet"] and report,
+        30.0,
+    )
     assert lost["range_age_s"] >= LOST_S
     losses = len(demo.wait("the word on the loss", lambda: events(demo, "track.lost"), 10.0))
 
@@ -82,8 +88,11 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     assert len(events(demo, "track.lost")) == losses, "what was told is not told again"
 
     told(demo, "ping")
-    found = demo.wait("the return of the target", lambda: in_phase(demo, "tracking"), 40.0)
-    assert not found["is_quiet"]
+    found = demo.wait(
+        "the return of the target",
+        lambda: (report := in_phase(demo, "tracking")) and not report["is_quiet"] and report,
+        40.0,
+    )
     assert found["ranges_heard"] > held["ranges_heard"]
     *_, word = demo.wait("the word on its return", lambda: events(demo, "track.found"), 10.0)
     assert word.startswith("mini-1 found its target again after ")

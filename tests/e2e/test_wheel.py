@@ -93,9 +93,10 @@ def test_the_wheel_runs_the_demo_where_nothing_else_of_it_is(installed, tmp_path
     ) as demo:
         page = demo.client.get(demo.sign_in_url).raise_for_status()
         assert "<script" in page.text
-        manual = httpx.get(f"{demo.url}/help").raise_for_status()
+        manual = httpx.get(f"{demo.url}/help", timeout=60.0).raise_for_status()
         assert "<title>Operator's manual" in html.unescape(manual.text)
-        assert httpx.get(f"{demo.url}/help/sections.json").raise_for_status().json()
+        sections = httpx.get(f"{demo.url}/help/sections.json", timeout=60.0)
+        assert sections.raise_for_status().json()
         demo.wait(
             "both robots being heard",
             lambda: {robot["link"]["state"] for robot in demo.get("/api/robots")} == {"live"},

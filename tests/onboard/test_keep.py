@@ -60,7 +60,7 @@ def test_a_small_robot_does_not_coast_through_its_place_for_ever(rng):
     """Where a flight is for nine tenths of its time is noisy: half of the flights are judged."""
     place, radius = (1.3, 0.7), TANK_PLANNER.primitives.keep_radius_min_m
     far_m = []
-    for _ in range(7):
+    for _ in range(11):
         current = drawn_current(rng, 0.02)
         definition = replace(MINI_1, start_ne_m=place, current_ne_m_s=current)
         life = Life(definition, seed=int(rng.integers(1000)))

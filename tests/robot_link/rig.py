@@ -8,13 +8,13 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.link.robot_link import CommandOutcome, RobotLink
 from robot_link.camera.received_fix import ReceivedFix
-from robot_link.clock import Clock, SystemClock
+from robot_link.clock import Clock, SystemClock, monotonic_s
 from robot_link.drive import CENTRE, DriveReport, Stick
 from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
@@ -29,11 +29,15 @@ from robot_link.messages import (
 from robot_link.mission import Mission, MissionSettings
 from robot_link.report import LinkEvent
 from robot_link.sample_log import MemorySampleLog, SampleLog
+from robot_link.station import path
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
 from simulator.xbee_network import AirConditions, XBeeNetwork
+
+if TYPE_CHECKING:
+    import pytest
 
 STATION = Address(0x0013A200_41F000FF)
 MINI = RobotId("mini-1")
@@ -43,17 +47,17 @@ ADDRESSES = {MINI: Address(0x0013A200_41F00001), GRACE: Address(0x0013A200_41F00
 
 HASTE = LinkTiming(
     heartbeat_s=0.1,
-    stale_s=0.5,
-    submerged_s=0.2,
+    stale_s=60.0,
+    submerged_s=60.0,
     report_s=0.1,
     plan_report_s=0.2,
     answer_s=0.15,
     retry_s=0.3,
-    upload_s=8.0,
+    upload_s=60.0,
     resend_s=0.1,
     resend_limit_s=0.4,
 )
-"""The same order of time-outs as in use, about ten times as fast."""
+"""About ten times as fast as in use; but a machine that stands still for seconds is no silence."""
 
 CALM = AirConditions(delay_s=0.0, jitter_s=0.002)
 ROUGH = AirConditions(loss=0.3, duplication=0.2, delay_s=0.002, jitter_s=0.01, mac_retries=0)
@@ -132,9 +136,12 @@ class Heard:
     station: StationLink | None = None
     events: list[LinkEvent] = field(default_factory=list)
     stores: bool = True
+    then: Callable[[LinkEvent], object] = lambda _event: None
+    """Called with each event at once: what is done here, nothing that comes later overtakes."""
 
     def __call__(self, event: LinkEvent) -> None:
         self.events.append(event)
+        self.then(event)
         if isinstance(event, Sample) and self.stores and self.station is not None:
             self.station.acknowledge_samples(event.robot, event.log, [event.sequence])
 
@@ -245,6 +252,19 @@ async def until(holds: Callable[[], object], longest_s: float = 60.0) -> None:
     async with asyncio.timeout(longest_s):
         while not holds():  # noqa: ASYNC110 - tests watch what has no event
             await asyncio.sleep(0.005)
+
+
+async def settled(count: Callable[[], int]) -> None:
+    """Wait until what was under way has come: a count that grows no more."""
+    before = -1
+    while before != (now := count()):
+        before = now
+        await asyncio.sleep(0.1)
+
+
+def pass_time(monkeypatch: "pytest.MonkeyPatch", seconds: float) -> None:
+    """Let the station find that nothing was heard for so much longer."""
+    monkeypatch.setattr(path, "monotonic_s", lambda: monotonic_s() + seconds)
 
 
 def soon(seconds: float = 60.0) -> datetime:

@@ -171,7 +171,7 @@ async def test_answer_from_farther_than_sound_came_since_the_ping_is_not_its_own
     async with one_given_up(0.0, AcousticConfig(range_max_m=20000.0)) as (fake, modem):
         ping = asyncio.create_task(modem.ping(2))
         await met(lambda: fake.count("CCMPC") == 2)
-        fake.say(("CAMPR", "1", "2", "9.0000"))
+        fake.say(("CAMPR", "1", "2", "900.0000"))
         await met(lambda: modem.answers_late == 1)
         fake.say(("CAMPR", "1", "2", "0.0100"))
         assert (await ping).travel_time_s == 0.01

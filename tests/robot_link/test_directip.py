@@ -23,6 +23,7 @@ from robot_link.station.gateway.gateway import (
     GatewayUnreachableError,
     Taken,
 )
+from tests.free_port import free_port
 from tests.robot_link.test_directip_wire import CAPTURE, IMEI, OVERLONG
 from tests.tcp_peer import connected, serving
 
@@ -242,5 +243,6 @@ async def test_nobody_at_the_address_and_a_wrong_length_are_told_apart():
         with pytest.raises(ValueError, match="270 bytes"):
             await gateway.send(IMEI, bytes(271), client_id=1)
     assert seen == []
+    gateway = DirectIpGateway("127.0.0.1", free_port(), 10.0)
     with pytest.raises(GatewayUnreachableError, match="cannot be reached"):
         await gateway.send(IMEI, b"x", client_id=1)

@@ -35,6 +35,7 @@ from server.cli.main import main
 from server.link import examination
 from simulator.acoustic_modem import AcousticConditions, AcousticModem
 from simulator.xbee_network import AirConditions, XBeeNetwork
+from tests.free_port import free_port
 from tests.robot_link.far_end import heartbeat, line, running
 from tests.tcp_peer import serving
 
@@ -50,7 +51,7 @@ async def examined(uri: str, listen_s: float = LISTEN_S) -> tuple[bool, str]:
 
 async def told(uri: str, *words: str, listen_s: float = LISTEN_S) -> tuple[bool, str]:
     """Listen again and longer where a busy machine had no time to hear."""
-    for patience in (1, 4, 16):
+    for patience in (1, 2, 4, 8, 16):
         is_well, said = await examined(uri, patience * listen_s)
         if all(one in said for one in words):
             break
@@ -253,9 +254,7 @@ async def test_a_line_that_is_slow_to_refuse_is_waited_for(
 
 
 async def test_a_network_link_that_nobody_serves_is_told():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port = one.getsockname()[1]
+    port = free_port()
     is_well, said = await told(f"tcp://127.0.0.1:{port}", "Nobody listens")
     assert not is_well
     assert f"Nobody listens at 127.0.0.1 port {port}." in said
@@ -269,9 +268,7 @@ async def test_a_network_link_that_nobody_serves_is_told():
 
 async def test_a_vehicle_that_waits_to_be_called_is_heard():
     """Many vehicles speak UDP only with a ground station that has spoken first."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        port = one.getsockname()[1]
+    port = free_port(socket.SOCK_DGRAM)
     robot = open_transport(f"udp://127.0.0.1:{port}?listen=1")
     async with running(robot):
         task = asyncio.create_task(answer(robot))

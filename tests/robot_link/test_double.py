@@ -19,8 +19,8 @@ from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport import far_end
 from robot_link.transport.datagram import FAR_END, Address
 from robot_link.transport.opening import open_transport
+from tests.free_port import free_port
 from tests.robot_link.rig import HASTE, MINI, STATION, SYSTEMS, Heard, rig, running, state, until
-from tests.robot_link.test_transport_line import free_port
 from tests.tcp_peer import serving
 
 

@@ -1,6 +1,7 @@
 """Sticks over the emulated radio, and MANUAL_CONTROL byte by byte."""
 
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
@@ -17,12 +18,14 @@ from robot_link.robot_program import CommandOutcome
 from robot_link.service.heartbeat import robot_heartbeat
 from robot_link.station.error import OutOfContactError, ServiceError, ServiceRefusedError
 from robot_link.transport.datagram import Address
-from tests.robot_link.rig import MINI, ROUGH, SYSTEMS, Program, rig, until
+from tests.robot_link.rig import HASTE, MINI, ROUGH, SYSTEMS, Program, rig, until
 
 AXIS = st.integers(-1000, 1000).map(lambda thousandths: thousandths / 1000.0)
 STICKS = st.builds(Stick, AXIS, AXIS, AXIS)
 AT = datetime(2026, 5, 1, 12, 0, 0, 250, tzinfo=UTC)
 SYSTEM = SystemId(7)
+PATIENT = replace(HASTE, answer_s=60.0)
+"""An order to drive is told once, and nothing is lost: its answer comes, however late."""
 
 
 def over_the_wire(message, system=STATION_SYSTEM, component=STATION_COMPONENT):
@@ -80,9 +83,9 @@ def test_driven_robot_shows_as_armed_to_other_ground_stations():
 
 
 @asynccontextmanager
-async def driven(tmp_path, **conditions):
+async def driven(tmp_path, timing=PATIENT, **conditions):
     """A station that reaches a robot, and what is answered to its sticks."""
-    async with rig(tmp_path, **conditions) as world, world.station() as (link, _):
+    async with rig(tmp_path, **conditions) as world, world.station(timing) as (link, _):
         await until(lambda: link.services(MINI).is_live)
         client, answers = link.drive(MINI), []
         client.on_answer = answers.append
@@ -114,7 +117,7 @@ async def test_robot_that_cannot_be_driven_now_refuses(tmp_path):
 
 
 async def test_stick_that_was_lost_is_not_repeated(tmp_path):
-    async with driven(tmp_path, conditions=ROUGH) as (program, client, answers):
+    async with driven(tmp_path, HASTE, conditions=ROUGH) as (program, client, answers):
         await begun(client)
         for number in range(200):
             await client.steer(Stick(number / 200.0), number)

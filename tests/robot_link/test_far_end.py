@@ -20,6 +20,7 @@ from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, R
 from robot_link.transport.far_end import FarEnd
 from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.opening import open_transport
+from tests.free_port import free_port
 from tests.robot_link.far_end import running
 from tests.robot_link.rig import (
     CALM,
@@ -33,7 +34,6 @@ from tests.robot_link.rig import (
     until,
 )
 from tests.robot_link.rig import running as tasks_running
-from tests.robot_link.test_transport_line import free_port
 from tests.tcp_peer import serving
 
 KEY = bytes(range(32))
@@ -91,11 +91,10 @@ async def next_heard(caller: DatagramTransport) -> bytes:
     raise AssertionError
 
 
-def is_quiet(caller: DatagramTransport) -> bool:
-    """Tell whether nothing waits to be read: what was sent on loopback is there at once."""
+def waiting(caller: DatagramTransport) -> list[bytes]:
+    """Return what waits to be read: what was sent on loopback is there at once."""
     assert isinstance(caller, KeptTransport)
-    waiting = caller._keeper._events._queue
-    return not any(isinstance(event, Received) for event in waiting)
+    return [event.data for event in caller._keeper._events._queue if isinstance(event, Received)]
 
 
 @asynccontextmanager
@@ -144,12 +143,12 @@ async def test_what_proves_nothing_never_gets_what_is_meant_for_the_robot(
         await until(it.conflicts)
         assert "127.0.0.1 port" in it.conflicts()[-1], "who it is has a name"
         assert "it is not obeyed" in it.conflicts()[-1]
-        while not is_quiet(false):  # heartbeats from before the robot was known
+        while waiting(false):  # heartbeats from before the robot was known
             await next_heard(false)
         for _ in range(3):
             await it.port.send(FAR_END, frame(impostor()))
             await next_heard(true)
-        assert is_quiet(false)
+        assert not waiting(false)
         assert it.frames() == 1
 
 
@@ -168,11 +167,10 @@ async def test_a_robot_that_proves_itself_from_elsewhere_takes_its_place_after_a
         await it.says(second, codec)
         await until(lambda: it.frames() == 2)
         await until(lambda: "has taken the place" in it.conflicts()[-1])
-        while not is_quiet(first):
-            await next_heard(first)
-        await it.port.send(FAR_END, frame(impostor()))
-        await next_heard(second)
-        assert is_quiet(first)
+        await it.port.send(FAR_END, told := frame(impostor()))
+        while told not in await next_heard(second):
+            pass
+        assert not any(told in data for data in waiting(first))
 
 
 async def test_one_unsigned_frame_beside_a_signed_robot_on_one_line_is_told_at_once():

@@ -53,8 +53,10 @@ from tests.robot_link.rig import (
     ROUGH,
     STATION,
     SYSTEMS,
+    pass_time,
     rig,
     running,
+    settled,
     state,
     until,
 )
@@ -86,7 +88,9 @@ async def test_newer_states_replace_those_that_a_busy_radio_did_not_take(tmp_pat
         assert len(heard.of(StateReport)) < len(RobotMode)
 
 
-async def test_the_road_is_never_heard_then_live_then_stale(tmp_path: Path):
+async def test_the_road_is_never_heard_then_live_then_stale(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     async with rig(tmp_path) as it:
         it.reachable.clear()
         async with it.station() as (station, heard):
@@ -94,6 +98,8 @@ async def test_the_road_is_never_heard_then_live_then_stale(tmp_path: Path):
             it.reachable.add(MINI)
             await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
             it.reachable.clear()
+            await settled(lambda: station.link_report(MINI).frames_received)
+            pass_time(monkeypatch, 100.0)
             await until(lambda: station.link_report(MINI).state is LinkState.STALE)
             told = [report.state for report in heard.of(LinkReport)]
             assert LinkState.NEVER_HEARD in told
@@ -101,14 +107,18 @@ async def test_the_road_is_never_heard_then_live_then_stale(tmp_path: Path):
             assert station.link_report(MINI).heard_at is not None
 
 
-async def test_silence_after_an_announced_dive_is_no_loss(tmp_path: Path):
+async def test_silence_after_an_announced_dive_is_no_loss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     async with rig(tmp_path) as it, it.station() as (station, _heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
         it.robots[MINI].link.set_mode(RobotMode.DIVING)
         await until(lambda: station._roster[MINI].peer.mode is RobotMode.DIVING)
         it.reachable.clear()
+        await settled(lambda: station.link_report(MINI).frames_received)
+        pass_time(monkeypatch, 100.0)
         await until(lambda: station.link_report(MINI).state is LinkState.SUBMERGED)
-        await asyncio.sleep(0.6)
+        pass_time(monkeypatch, 1000.0)
         assert station.link_report(MINI).state is LinkState.SUBMERGED
         it.reachable.add(MINI)
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)

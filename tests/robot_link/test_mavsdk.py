@@ -26,6 +26,7 @@ from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.timing import LinkTiming
 from robot_link.transport.opening import open_transport
+from tests.free_port import free_port
 from tests.robot_link.rig import Program, running, state, until
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
@@ -40,12 +41,6 @@ RULES = WaypointRules(
     steepest_glide_deg=50.0,
 )
 """The window of the gliders here; twenty waypoints under water are much flatter."""
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @asynccontextmanager
@@ -85,7 +80,7 @@ async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission(tmp
         (local / folder).mkdir(parents=True)
     content = bytes(n * n % 251 for n in range(9000)) + bytes(500)
     (logs / "dive.bin").write_bytes(content)
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     table = ParameterTable(
         (
             Parameter("GAIN_PITCH", ParameterType.REAL32, 0.4, 0.0, 2.0),
@@ -138,7 +133,7 @@ async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission(tmp
 async def test_mavsdk_as_vehicle_takes_a_mission_and_parameters_and_serves_a_file(tmp_path: Path):
     content = bytes(n * n % 251 for n in range(5000)) + bytes(100)
     (tmp_path / "dive.bin").write_bytes(content)
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     uri = f"udp://127.0.0.1:{port}?listen=1"
     station = StationLink(
         {uri: open_transport(uri)},

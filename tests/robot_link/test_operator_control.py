@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from onboard.link import robot_link, service_desk
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.operator_control import (
@@ -20,7 +21,7 @@ from robot_link.mavlink.operator_control import (
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, RobotId, SystemId
 from robot_link.report import ControlAsked, ControlReport
-from tests.robot_link.rig import mission, running, until
+from tests.robot_link.rig import HASTE, mission, running, until
 from tests.robot_link.service_pair import ROBOT
 from tests.robot_link.test_command_standard import (
     GCS,
@@ -167,7 +168,7 @@ async def test_refused_request_is_denied_and_nobody_answers_for_another():
 async def test_request_that_nobody_answers_ends_and_takes_nothing():
     async with held() as it:
         await it.guest.say(command(REQUEST, 1, 0, 3, GUEST))
-        await until(lambda: results(it.guest)[-1:] == [NOT_NOW], 20.0)
+        await until(lambda: results(it.guest)[-1:] == [NOT_NOW])
         assert set(controls(it.guest)) <= {0, STATION_SYSTEM}
         assert len(passed(it)) > 1  # our station did not say that it heard it
 
@@ -178,18 +179,24 @@ async def test_request_is_withdrawn_by_who_made_it():
         await until(lambda: passed(it)[-1:] == [(1, GUEST)])
         await it.guest.say(command(REQUEST, 0, 0, 0, 0))
         await until(lambda: passed(it)[-1] == (0, GUEST))
-        assert results(it.guest)[-1] == ACCEPTED
+        await until(lambda: results(it.guest)[-1] == ACCEPTED)
         await it.other.say(command(REQUEST, 0, 0, 0, 0))
         await until(lambda: results(it.other) == [DENIED])
 
 
-async def test_who_is_in_control_and_falls_silent_is_so_no_more():
+async def test_who_is_in_control_and_falls_silent_is_so_no_more(monkeypatch: pytest.MonkeyPatch):
     silent: list[GroundStation] = []
+    passed_s = [0.0]
+    for module in (robot_link, service_desk):
+        monkeypatch.setattr(module, "monotonic_s", lambda: monotonic_s() + passed_s[0])
     async with held(silent) as it:
         await it.ours.say(grant(GUEST))
         await until(lambda: controls(it.other)[-1] == GUEST)
         silent.append(it.guest)
-        await until(lambda: controls(it.other)[-1] == STATION_SYSTEM, 20.0)
+        for _ in range(4):  # the others speak on meanwhile
+            passed_s[0] += HASTE.stale_s
+            await until(lambda: it.link.last_heard_station_s < HASTE.stale_s)
+        await until(lambda: controls(it.other)[-1] == STATION_SYSTEM)
         silent.clear()
         seen = len(it.guest.of("CONTROL_STATUS"))
         await until(lambda: len(it.guest.of("CONTROL_STATUS")) > seen + 2)

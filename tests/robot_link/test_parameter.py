@@ -1,6 +1,8 @@
 """Parameters between a robot and those who read and set them."""
 
 import struct
+from collections.abc import Iterable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -46,6 +48,19 @@ def pair(
 async def test_every_parameter_is_read_though_a_third_of_the_frames_is_lost():
     table = ParameterTable(DECLARED)
     client, wire = pair(table, loss=0.33, duplication=0.2)
+    hear, robot = wire.client, wire.robot
+
+    def asked(message: WireMessage) -> Iterable[WireMessage]:
+        if isinstance(message, grace.MAVLink_param_request_list_message):
+            client._exchange.patience = replace(HASTY, answer_s=60.0)
+        return robot(message)
+
+    def heard(message: WireMessage) -> None:
+        """The list has begun to come, however late: now what lacks is soon asked for."""
+        client._exchange.patience = HASTY
+        hear(message)
+
+    wire.robot, wire.client = asked, heard
     assert await client.read_all() == table.all()
     lists = [m for m in wire.asked if isinstance(m, grace.MAVLink_param_request_list_message)]
     single = [m for m in wire.asked if isinstance(m, grace.MAVLink_param_request_read_message)]

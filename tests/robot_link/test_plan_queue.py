@@ -112,6 +112,30 @@ async def test_start_of_a_waiting_plan_is_held_and_then_the_change_is_told(tmp_p
         assert isinstance(order[0], PlanQueue), "how the one before ended is told first"
 
 
+async def test_plan_that_begins_while_the_queue_is_said_is_told_after_how_the_first_ended(
+    tmp_path: Path,
+):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        robot, begun = it.robots[MINI], []
+        await live(station)
+        await station.upload(MINI, FIRST)
+        begin_to_fly(robot)
+        await station.upload(MINI, SECOND, may_wait=True)
+        robot.link._plan.obey(CommandKind.START, SECOND.sha256()[:12])
+        send = robot.link._send
+
+        async def sent(message, *options) -> None:
+            await send(message, *options)
+            if isinstance(message, grace.MAVLink_grace_plan_queue_message) and not begun:
+                begun.append(robot.link.begin_next_plan())
+
+        robot.link._send = sent
+        await until(lambda: heard.of(PlanReport)[-1].sha256 == SECOND.sha256())
+        told = [one for one in heard.events if isinstance(one, PlanReport | PlanQueue)]
+        first = next(one for one in told if one.sha256 == SECOND.sha256())
+        assert isinstance(first, PlanQueue)
+
+
 async def test_of_two_robots_only_the_one_that_was_sent_it_keeps_a_plan(tmp_path: Path):
     async with rig(tmp_path, robots=(MINI, GRACE)) as it, it.station() as (station, heard):
         for robot in (MINI, GRACE):

@@ -5,6 +5,7 @@ import random
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -23,8 +24,10 @@ from robot_link.messages import (
 )
 from robot_link.sample_log import MemorySampleLog
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
+from robot_link.transport import xbee
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
+from robot_link.transport.xbee import XBeeTiming
 from simulator.xbee_network import XBeeNetwork
 from tests.robot_link.rig import (
     CALM,
@@ -34,7 +37,9 @@ from tests.robot_link.rig import (
     SYSTEMS,
     Heard,
     Program,
+    pass_time,
     running,
+    settled,
     soon,
     until,
 )
@@ -57,6 +62,12 @@ class TwoRoads:
 
     def states(self) -> list[LinkState]:
         return [report.state for report in self.station.link_reports(MINI)]
+
+    async def fall_silent(self, road: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Put the robot out of one network's reach, for long."""
+        self.reach[road] = False
+        await settled(lambda: self.report(road).frames_received)
+        pass_time(monkeypatch, 100.0)
 
     async def tell(self, number: int, kind: CommandKind = CommandKind.HOLD) -> CommandReport:
         """Send a command and return its last report."""
@@ -102,7 +113,7 @@ async def two_roads(folder: Path, second_address: Address | None = None) -> Asyn
         yield TwoRoads(uris, station, heard, program, reach)
 
 
-async def test_each_road_has_a_report_of_its_own(tmp_path: Path):
+async def test_each_road_has_a_report_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     async with two_roads(tmp_path) as it:
         await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
         near, far = it.station.link_reports(MINI)
@@ -110,18 +121,22 @@ async def test_each_road_has_a_report_of_its_own(tmp_path: Path):
         assert (near.radio, far.radio) == (f"{NEAR:016X}", f"{FAR:016X}")
         assert near.is_enabled
         assert {report.uri for report in it.heard.of(LinkReport)} == set(it.uris)
-        it.reach[0] = False
+        await it.fall_silent(0, monkeypatch)
         await until(lambda: it.states() == [LinkState.STALE, LinkState.LIVE])
         assert it.station.link_report(MINI).uri == it.uris[1], "the live one is the best"
 
 
-async def test_the_preferred_radio_is_taken_while_it_is_live_and_the_other_then(tmp_path: Path):
+async def test_the_preferred_radio_is_taken_while_it_is_live_and_the_other_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    # a radio that is late with its word has not failed
+    monkeypatch.setattr(xbee, "XBeeTiming", partial(XBeeTiming, status_timeout_s=60.0))
     async with two_roads(tmp_path) as it:
         await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
         assert it.station.link_report(MINI).uri == it.uris[0]
         assert (await it.tell(1)).level is CommandLevel.APPLIED
-        it.reach[0] = False
-        await until(lambda: it.states()[0] is LinkState.STALE)
+        await it.fall_silent(0, monkeypatch)
+        await until(lambda: it.states() == [LinkState.STALE, LinkState.LIVE])
         assert (await it.tell(2)).level is CommandLevel.APPLIED
         assert len(it.program.obeyed) == 2
 
@@ -146,6 +161,7 @@ async def test_a_pulled_plug_is_shown_and_the_other_radio_taken(tmp_path: Path):
         assert (await it.tell(1)).level is CommandLevel.APPLIED
         it.station.set_enabled(it.uris[1], False)
         await until(lambda: it.states() == [LinkState.DISABLED, LinkState.DISABLED])
+        await until(lambda: not any(port.max_payload for port in it.station._transports.values()))
         frames = len(it.heard.of(RawFrame))
         await asyncio.sleep(1.0)
         under_way = 2

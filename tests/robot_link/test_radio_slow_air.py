@@ -11,7 +11,7 @@ from robot_link.transport.datagram import Address, Fate, Received
 from simulator.xbee_network import MAX_PAYLOAD, AirConditions, XBeeNetwork
 from tests.robot_link.far_end import next_event
 
-HASTE = 12.5
+HASTE = 8.0
 """Everything runs so many times as fast: the air and the time-outs of both ends alike."""
 
 

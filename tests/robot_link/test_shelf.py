@@ -6,15 +6,18 @@ import pty
 import socket
 import tty
 from contextlib import asynccontextmanager
-from functools import cache
+from functools import cache, partial
 
 import pytest
 
 from robot_link.mavlink.codec import Codec
 from robot_link.mavlink.wire import grace
+from robot_link.transport import mavlink_stream
 from robot_link.transport.datagram import Received
+from robot_link.transport.mavlink_stream import StreamTiming
 from robot_link.transport.opening import open_transport
 from robot_link.transport.shelf import Shelf
+from tests.free_port import free_port
 
 LIMIT_S = 60.0
 CODEC = Codec(21, 1)
@@ -63,7 +66,9 @@ def line(tmp_path):
     os.close(station)
 
 
-async def test_a_line_brings_every_frame_once_to_whoever_serves_it_next(line):
+async def test_a_line_brings_every_frame_once_to_whoever_serves_it_next(line, monkeypatch):
+    # half a frame is waited for, however long the machine stands still
+    monkeypatch.setattr(mavlink_stream, "StreamTiming", partial(StreamTiming, quiet_s=60.0))
     robot, uri = line
     shelf, first, second = Shelf(), [], []
     async with serving(open_transport(uri, shelf), first) as transport:
@@ -90,13 +95,12 @@ async def test_a_line_brings_every_frame_once_to_whoever_serves_it_next(line):
         assert numbers(second) == list(range(1, 400))
         assert shelf.uris == ()
         await transport.send(None, frame(7))
+        os.set_blocking(robot, True)
         assert os.read(robot, 65536) == frame(7)
 
 
 async def test_a_socket_keeps_its_port_and_what_was_said_to_it(line):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port(socket.SOCK_DGRAM)
     uri = f"udp://127.0.0.1:{port}?listen=1"
     shelf, first, second = Shelf(), [], []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:

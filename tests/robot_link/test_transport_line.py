@@ -7,11 +7,12 @@ import socket
 import termios
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from robot_link.transport import far_end
+from robot_link.transport import far_end, mavlink_stream
 from robot_link.transport.datagram import (
     BROADCAST,
     FAR_END,
@@ -29,16 +30,18 @@ from robot_link.transport.opening import open_transport
 from robot_link.transport.port import SerialPort
 from robot_link.transport.udp import UdpTiming, UdpTransport
 from simulator.xbee_network import AirConditions, XBeeNetwork
+from tests.free_port import free_port
 from tests.robot_link.far_end import heartbeat, line, next_event, next_opening, running
 from tests.robot_link.scripted_port import ScriptedPort
 
 LOCAL = "127.0.0.1"
 
 
-def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as one:
-        one.bind((LOCAL, 0))
-        return one.getsockname()[1]
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that stands still for seconds makes no far side quiet."""
+    patient = partial(StreamTiming, quiet_s=60.0)
+    monkeypatch.setattr(mavlink_stream, "StreamTiming", patient)
 
 
 async def test_frames_cross_a_serial_line_in_both_directions(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import asyncio
 import dataclasses
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.report import LinkEvent
 from robot_link.station import upload as upload_module
 from robot_link.station.link import StationLink, UploadUnderWayError
 from simulator.xbee_network import AirConditions
@@ -41,6 +43,17 @@ from tests.robot_link.rig import (
 
 ITEMS = 2 + 6 * 6
 """Settings, trim, and six dives of five legs of which one has a circle."""
+
+
+def at_item(heard: Heard, number: int, act: Callable[[], object]) -> None:
+    """Do something as soon as so many items are proved, before the next one travels."""
+    due = [act]
+
+    def look(event: LinkEvent) -> None:
+        if isinstance(event, UploadReport) and event.items_sent >= number and due:
+            due.pop()()
+
+    heard.then = look
 
 
 async def live(station: StationLink) -> None:
@@ -93,11 +106,12 @@ async def test_the_same_mission_again_is_answered_at_once_and_taken_once(tmp_pat
 
 
 async def test_a_plan_that_was_flown_waits_again_when_uploaded_again(tmp_path: Path):
-    async with rig(tmp_path) as it, it.station() as (station, _heard):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
         await live(station)
         plan = mission()
         await station.upload(MINI, plan)
         it.robots[MINI].link.report_plan(OnboardPlanState.DONE, leg=30)
+        await until(lambda: heard.of(PlanReport)[-1].state is OnboardPlanState.DONE)
         assert (await station.upload(MINI, plan)).state is OnboardPlanState.ON_BOARD
         assert it.robots[MINI].program.taken == [plan, plan]
 
@@ -108,10 +122,12 @@ async def test_a_station_that_dies_in_an_upload_just_uploads_again(tmp_path: Pat
         plan = mission()
         async with it.station() as (station, heard):
             await live(station)
+            at_item(heard, 15, it.reachable.clear)
             upload = asyncio.create_task(station.upload(MINI, plan))
             await until(lambda: any(r.items_sent >= 15 for r in heard.of(UploadReport)))
             upload.cancel()
         assert it.robots[MINI].program.taken == []
+        it.reachable.add(MINI)
         async with it.station() as (station, heard):
             await live(station)
             last = await station.upload(MINI, plan)
@@ -131,7 +147,8 @@ async def test_a_robot_that_refuses_keeps_its_plan_and_says_why(tmp_path: Path):
         assert (last.state, last.reason) == (OnboardPlanState.REFUSED, "under water")
         assert it.robots[MINI].plans.load() == first
         assert it.robots[MINI].program.taken == [first]
-        await until(lambda: heard.events and isinstance(heard.events[-1], PlanReport))
+        told = len(heard.of(PlanReport))
+        await until(lambda: len(heard.of(PlanReport)) > told)
         assert {report.sha256 for report in heard.of(PlanReport)} <= {None, first.sha256()}
 
 
@@ -139,10 +156,9 @@ async def test_a_robot_that_dives_before_the_last_item_refuses_the_whole(tmp_pat
     slow = AirConditions(delay_s=0.01, jitter_s=0.0)
     async with rig(tmp_path, slow) as it, it.station() as (station, heard):
         await live(station)
-        upload = asyncio.create_task(station.upload(MINI, mission()))
-        await until(lambda: any(r.items_sent >= 15 for r in heard.of(UploadReport)))
-        it.robots[MINI].program.refusal = "under water"
-        last = await upload
+        program = it.robots[MINI].program
+        at_item(heard, 15, lambda: setattr(program, "refusal", "under water"))
+        last = await station.upload(MINI, mission())
         assert (last.state, last.reason) == (OnboardPlanState.REFUSED, "under water")
         assert it.robots[MINI].plans.load() is None
 
@@ -216,9 +232,9 @@ async def test_an_upload_cut_off_by_a_dive_tells_how_far_it_came(
     slow = AirConditions(delay_s=0.01, jitter_s=0.0)
     async with rig(tmp_path, slow) as it, it.station(timing) as (station, heard):
         await live(station)
+        at_item(heard, 5, it.reachable.clear)
         upload = asyncio.create_task(station.upload(MINI, mission()))
         await until(lambda: any(r.items_sent >= 5 for r in heard.of(UploadReport)))
-        it.reachable.clear()
         passed_s[0] = 2.0 * timing.upload_s
         last = await upload
         assert last.state is OnboardPlanState.FAILED
@@ -241,10 +257,9 @@ async def test_surface_ends_an_upload_under_way(tmp_path: Path):
     slow = AirConditions(delay_s=0.02, jitter_s=0.0)
     async with rig(tmp_path, slow) as it, it.station() as (station, heard):
         await live(station)
-        upload = asyncio.create_task(station.upload(MINI, mission()))
-        await until(lambda: any(r.items_sent >= 3 for r in heard.of(UploadReport)))
-        station.send_command(MINI, CommandKind.SURFACE, CommandNumber(1), soon())
-        last = await upload
+        order = CommandKind.SURFACE, CommandNumber(1), soon()
+        at_item(heard, 3, lambda: station.send_command(MINI, *order))
+        last = await station.upload(MINI, mission())
         assert last.state is OnboardPlanState.FAILED
         assert "surface" in last.reason
         await until(lambda: it.robots[MINI].program.obeyed)

@@ -14,6 +14,7 @@ from digi.xbee.devices import DigiMeshDevice, RemoteDigiMeshDevice
 from digi.xbee.exception import TransmitException
 from digi.xbee.models.address import XBee64BitAddress
 
+from robot_link.transport import xbee
 from robot_link.transport.datagram import (
     BROADCAST,
     Address,
@@ -35,6 +36,13 @@ from tests.tcp_peer import connected
 STATION = Address(0x0013A20041F00001)
 ROBOT = Address(0x0013A20041F00002)
 CALM = AirConditions(delay_s=0.0, jitter_s=0.001)
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that stands still for seconds makes no radio silent."""
+    patient = partial(XBeeTiming, status_timeout_s=60.0, question_timeout_s=20.0)
+    monkeypatch.setattr(xbee, "XBeeTiming", patient)
 
 
 def network(conditions: AirConditions = CALM, **options) -> XBeeNetwork:
@@ -175,7 +183,7 @@ async def test_what_was_under_way_when_the_plug_was_pulled_is_of_unknown_fate(tm
 
 async def test_no_more_datagrams_are_handed_over_than_the_window_holds():
     port = ScriptedPort(answering_questions)
-    async with running(XBeeTransport(opener(port), timing=XBeeTiming(window=2))) as transport:
+    async with running(XBeeTransport(opener(port), timing=xbee.XBeeTiming(window=2))) as transport:
         await next_opening(transport)
         for _ in range(2):
             await transport.send(ROBOT, b"x")
@@ -266,7 +274,7 @@ async def test_a_question_is_repeated_when_its_answer_is_lost():
 
 async def test_a_sender_that_waits_for_the_window_is_told_when_the_port_closes():
     port = ScriptedPort(answering_questions)
-    async with running(XBeeTransport(opener(port), timing=XBeeTiming(window=1))) as transport:
+    async with running(XBeeTransport(opener(port), timing=xbee.XBeeTiming(window=1))) as transport:
         await next_opening(transport)
         first = await transport.send(ROBOT, b"x")
         second = asyncio.create_task(transport.send(ROBOT, b"x"))
@@ -467,3 +475,4 @@ async def test_a_radio_whose_process_is_killed_is_found_again_when_it_is_back(tm
                 await process.wait()
             assert not (await next_event(transport, PortChanged)).is_open
             assert link.is_symlink(), "a killed process leaves its link behind"
+            link.unlink()  # its terminal's number may soon be that of another test's

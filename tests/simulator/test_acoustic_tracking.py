@@ -55,7 +55,7 @@ async def follow(link: StationLink, heard: Heard, expires) -> None:
     assert not heard.of(TargetReport)
     tell(CommandKind.START, PLAN.sha256())
     await until(lambda: heard.of(TargetReport) and newest().ranges_heard >= 15)
-    assert newest().phase is TargetPhase.TRACKING
+    await until(lambda: newest().phase is TargetPhase.TRACKING)
     check_ranges(heard)
     tell(CommandKind.QUIET)
     await until(lambda: newest().is_quiet)
@@ -110,7 +110,11 @@ async def test_program_in_a_process_of_its_own_pings_by_its_acoustic_node(tmp_pa
         expires = chosen.clock().now() + timedelta(hours=1)
         number = CommandNumber(1)
         link.send_command(MINI_1.robot, CommandKind.START, number, expires, PLAN.sha256())
-        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TargetReport)))
-        assert heard.of(TargetReport)[-1].phase is TargetPhase.TRACKING
+        await until(
+            lambda: any(
+                one.ranges_heard >= 10 and one.phase is TargetPhase.TRACKING
+                for one in heard.of(TargetReport)
+            )
+        )
 
     await with_program(chosen, MINI_1, tmp_path / "memory", work)

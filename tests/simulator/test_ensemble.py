@@ -136,30 +136,41 @@ def test_the_same_seed_flies_the_same_ensemble_whatever_the_threads_do():
     np.testing.assert_array_equal(one.expected, other.expected)
 
 
+@pytest.mark.timeout(900)  # the kernels may have to be compiled first
 @pytest.mark.parametrize("water", ROBOTS)
 def test_coarse_flights_scatter_as_exact_ones_do(water):
-    asked = problem(runs=40, water=water)
+    runs = 60
+    asked = problem(runs=runs, water=water)
     coarse = ensemble.flown(asked, lambda _: None, lambda: False)
     exact = ensemble.flown(asked, lambda _: None, lambda: False, EXACT)
     ends = [np.array([one.surfaced[-1, 1:3] for one in kind]) for kind in (coarse, exact)]
     assert all(np.isfinite(places).all() for places in ends), SEED
     std = [places.std(axis=0).max() for places in ends]
-    # of 40 flights a mean is known to a sixth of the scatter, so a difference of two to a quarter,
-    # and a deviation to a ninth of itself
-    known = max(std) * (2 / 40) ** 0.5
-    assert np.linalg.norm(ends[0].mean(axis=0) - ends[1].mean(axis=0)) < 4.0 * known, SEED
-    assert 0.55 < std[0] / std[1] < 1.8, SEED
-    stated = [np.mean([one.rows[:, ROW_STD].mean() for one in kind]) for kind in (coarse, exact)]
-    assert stated[0] == pytest.approx(stated[1], rel=0.2), SEED
-    took_s = [np.mean([one.duration_s for one in kind]) for kind in (coarse, exact)]
-    assert took_s[0] == pytest.approx(took_s[1], rel=0.1), SEED
-    # flights of one number meet the same robot and water, so their differences tell how well the
-    # mean of them is known; what noise alone moves goes 1/sqrt(2) of its way when it is set half as
-    # often, so that a coarse flight draws less, by 29 % if nothing but noise moved anything
+    # of 60 flights a mean is known to an eighth of the scatter, so a difference of two to a fifth,
+    # and a deviation to an eleventh of itself; beyond five times that luck comes once in a million
+    known = max(std) * (2 / runs) ** 0.5
+    assert np.linalg.norm(ends[0].mean(axis=0) - ends[1].mean(axis=0)) < 5.5 * known, SEED
+    assert 0.5 < std[0] / std[1] < 2.0, SEED
+    stated = [np.array([one.rows[:, ROW_STD].mean() for one in kind]) for kind in (coarse, exact)]
+    off, known = difference(*stated)
+    assert abs(off) < 0.05 + 5.0 * known, SEED
+    took_s = [np.array([one.duration_s for one in kind]) for kind in (coarse, exact)]
+    off, known = difference(*took_s)
+    assert abs(off) < 0.03 + 5.0 * known, SEED
+    # what noise alone moves goes 1/sqrt(2) of its way when it is set half as often, so that a
+    # coarse flight draws less, by 29 % if nothing but noise moved anything
     used = [1.0 - np.array([one.battery for one in kind]) for kind in (coarse, exact)]
-    off = (used[0] - used[1]) / used[1].mean()  # (40,)
-    known = off.std(ddof=1) / len(off) ** 0.5
-    assert 0.5**0.5 - 1.0 - 4.0 * known < off.mean() < 0.05 + 4.0 * known, SEED
+    off, known = difference(*used)
+    assert 0.5**0.5 - 1.0 - 5.0 * known < off < 0.05 + 5.0 * known, SEED
+
+
+def difference(coarse, exact):
+    """Return by which part coarse flights differ from exact ones, and how well that is known.
+
+    Flights of one number meet the same robot and water, so their own differences tell it.
+    """
+    off = (coarse - exact) / exact.mean()
+    return off.mean(), off.std(ddof=1) / len(off) ** 0.5
 
 
 def test_no_coarse_flight_loses_its_filter():
@@ -242,7 +253,7 @@ def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_sh
     to 1.35 times the flights' median in three of four missions.
 
     Over 150 missions of each of the six, the median was 0.95 to 1.02, and 97 to 100 % were within
-    those limits: of 20, luck alone puts more than five outside once in 10,000 times.
+    those limits: of 30, luck alone puts more than seven outside once in 200,000 times.
     """
     robot, duration_s, _ = ROBOTS[water]
     preset = PLANNER_PRESETS[robot.vehicle.key]
@@ -253,7 +264,7 @@ def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_sh
         update={"position_filter": preset.position_filter.model_copy(update=told)}
     )
     ratios = []
-    for number in range(20):
+    for number in range(30):
         seed = [SEED, number]
         mission = mission_of(np.random.default_rng(seed), config, 3.0 * duration_s, 1000.0)
         planned = candidate_of(config, mission.legs)
@@ -325,7 +336,7 @@ def test_nobody_waits_longer_than_was_said_but_for_the_least_number_of_flights()
 @pytest.mark.parametrize("water", ["tank", "lake"])
 def test_what_a_model_says_of_the_battery_before_any_flight_holds_flights(water):
     held = []
-    for number in range(4):
+    for number in range(12):
         asked = problem(runs=6, seed=SEED + number, water=water)
         config = PLANNER_PRESETS[asked.vehicle.key]
         use = EnergyUse.of_model(powers_of_uses(asked.vehicle, config.primitives))
@@ -335,7 +346,8 @@ def test_what_a_model_says_of_the_battery_before_any_flight_holds_flights(water)
             said = use.energy(hours_of_legs(asked.mission.legs, one.duration_s), pieces=dives)
             took_wh = (1.0 - one.battery) * capacity_wh
             held.append(said.low_wh <= took_wh <= said.high_wh)
-    # what is wrong is common to a mission's flights: four missions tell little more than this
+    # what is wrong is common to a mission's flights, and one mission in twenty has most outside:
+    # a dozen missions tell little more than this
     assert np.mean(held) > 0.5, f"seed {SEED}"
 
 

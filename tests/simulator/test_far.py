@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import socket
 from collections.abc import Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -32,6 +31,7 @@ from simulator.fleet import GRACE_1
 from simulator.iridium.http_server import Answer, Request, http_server
 from simulator.process import serve
 from simulator.settings import GatewaySettings, SimulatorSettings
+from tests.free_port import free_port
 from tests.robot_link import signed_push
 from tests.robot_link.rig import until
 from tests.simulator.flight import LAKE_PLANNER
@@ -103,9 +103,6 @@ class Ashore:
 def settings_in(folder: Path, private_key, push_url: str, **changes) -> SimulatorSettings:
     now = datetime.now(UTC)
     pem = private_key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()).decode()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     memory = folder / "robots"
     (memory / NAME).mkdir(parents=True, exist_ok=True)
     (memory / NAME / "robot.key").write_text(KEY.hex())
@@ -118,7 +115,7 @@ def settings_in(folder: Path, private_key, push_url: str, **changes) -> Simulato
         robots=(NAME,),
         memory_folder=memory,
         gateway=GatewaySettings(
-            port=port,
+            port=free_port(),
             push_url=push_url,
             username="demo",
             password="word",

@@ -176,8 +176,8 @@ async def test_wrong_sum_wrong_size_and_silence_leave_the_buffer_as_it_was(tmp_p
         for size in ("0", "341", "x"):
             assert await host.ask(f"AT+SBDWB={size}") == b"\r\n3\r\n" + OK
         host.modem._write_timeout_s = 0.05
-        await host.ask("AT+SBDWB=9", b"READY\r\n")
-        host.write(b"half")
+        host.write(b"AT+SBDWB=9\rhalf")
+        await host.until(b"READY\r\n")
         assert await host.until(OK) == b"\r\n1\r\n" + OK
         await host.ask("AT+SBDTC")
         assert b"kept" in await host.ask("AT+SBDRB")

@@ -112,10 +112,10 @@ async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
             ),
         )
         await until(lambda: min(counted(heard, "blue_light", "temperature")) > 15)
+        await until(lambda: max(sample.position_ned[2] for sample in heard.of(Sample)) > 0.4)
     samples = heard.of(Sample)
     assert {sample.variable for sample in samples} == {"blue_light", "temperature"}
     assert {sample.robot for sample in samples} == {MINI_1.robot}
-    assert max(sample.position_ned[2] for sample in samples) > 0.4
     assert RobotMode.GLIDING in {report.mode for report in heard.of(StateReport)}
 
 

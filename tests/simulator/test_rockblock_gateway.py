@@ -1,6 +1,5 @@
 import asyncio
 import json
-import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator
@@ -22,6 +21,7 @@ from simulator.iridium.message_queue import CAPACITY
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.rockblock_gateway import RockBlockGateway
 from simulator.iridium.session import Place
+from tests.free_port import free_port
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.rig import until
 from tests.robot_link.signed_push import private_key, public_pem
@@ -363,9 +363,7 @@ async def test_rockblock_tools_sends_and_raises_each_failure(monkeypatch: pytest
 @pytest.mark.process
 async def test_rockblock_tools_listener_takes_our_form():
     """Its reading of the date is not checked: it takes the year for the day."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     command = (sys.executable, "-W", "ignore", "-c", LISTENER, str(port))
     listener = await asyncio.create_subprocess_exec(
         *command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL

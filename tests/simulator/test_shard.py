@@ -4,7 +4,7 @@ import asyncio
 import os
 import signal
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -90,8 +90,13 @@ async def test_a_robot_of_another_process_calls_by_satellite(tmp_path):
 def children() -> list[int]:
     """Return the shards of this process, in the order of their robots."""
     text = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
-    found = [int(one) for one in text.split()]
-    return [one for one in found if b"shard_process" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [int(one) for one in text.split() if b"shard_process" in command_of(one)]
+
+
+def command_of(process: str) -> bytes:
+    with suppress(FileNotFoundError, ProcessLookupError):  # it was reaped just now
+        return Path(f"/proc/{process}/cmdline").read_bytes()
+    return b""
 
 
 @asynccontextmanager

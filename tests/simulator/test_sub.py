@@ -34,6 +34,7 @@ from simulator.sub.autopilot import MODES
 from simulator.sub.definition import SUB_1
 from simulator.sub.endpoint import PERIOD_S, SubVehicle
 from simulator.water_field import WaterField
+from tests.free_port import free_port
 from tests.server.conftest import until
 
 SUB = SUB_1.robot
@@ -78,15 +79,9 @@ class Rig:
         return [one.level for one in reports if one.number == number]
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @asynccontextmanager
 async def rig(config=None):
-    port, now = free_port(), datetime.now(UTC)
+    port, now = free_port(socket.SOCK_DGRAM), datetime.now(UTC)
     clock = ScaledClock(now, now, SPEED)
     vehicle = SubVehicle(SUB_1, open_transport(f"udp://127.0.0.1:{port}?listen=1"), clock)
     uri = f"udp://127.0.0.1:{port}"
@@ -177,9 +172,13 @@ async def test_arming_that_it_refuses_is_refused():
 async def test_a_disarmed_vehicle_in_the_surface_mode_proves_nothing_until_it_rises():
     async with rig() as sub:
         await sub.report(lambda one: one.place is not None)
-        sub.vehicle.plant.depth_m = 9.0
-        await sub.report(lambda one: one.values["depth_m"].value > 8.0)
-        began_m = sub.vehicle.plant.depth_m
+
+        def is_deep(report):
+            sub.vehicle.plant.depth_m = began_m  # it rises by itself until the station has seen it
+            return report.values["depth_m"].value > 8.0
+
+        began_m = 9.0
+        await sub.report(is_deep)
         expires = datetime.now(UTC) + timedelta(days=30)
         sub.link.send_command(SUB, CommandKind.SURFACE, CommandNumber(3), expires)
         await until(lambda: CommandLevel.APPLIED in sub.levels(3))
@@ -320,9 +319,14 @@ async def test_it_is_driven_by_hand_and_stands_still_without_a_stick():
         await pilot.begin()
         await sub.report(lambda one: one.is_armed)
         vehicle = sub.vehicle.autopilot
-        await pilot.steer(Stick(forward=0.5, turn=-0.25, up=-1.0), 1)
-        await until(lambda: vehicle.demand().forward == pytest.approx(0.5))
-        demand = vehicle.demand()
+
+        async def steered():  # a stick of three seconds ago, soon over at this speed, is none
+            demand = vehicle.demand()
+            if demand.forward == pytest.approx(0.5):
+                return demand
+            return await pilot.steer(Stick(forward=0.5, turn=-0.25, up=-1.0), 1)
+
+        demand = await until(steered)
         assert (demand.turn, demand.down) == pytest.approx((-0.25, 1.0))
         # nobody speaks any more
         await until(lambda: vehicle.demand().effort == 0.0)

@@ -137,9 +137,11 @@ def _horizontal_offset(
 
 def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the distance of each of n points from each of m, shape ``(n, m)``."""
-    from scipy.spatial.distance import cdist  # here: a station that starts need not wait for it
+    # Here: a station that starts need not wait for it. The package and not its module, which would
+    # be found half made where another thread imports the package meanwhile.
+    from scipy.spatial import distance
 
-    return np.asarray(cdist(a, b), dtype=np.float64)
+    return np.asarray(distance.cdist(a, b), dtype=np.float64)
 
 
 def _radial_derivatives(

@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 
 from robot_link.camera.sighting import SourceSettings
 from robot_link.camera.source import device, http
+from robot_link.camera.source import newest as newest_module
 from robot_link.camera.source.frame import SourceEndedError, SourceError
 from robot_link.camera.source.multipart import MultipartReader, boundary_of
 from robot_link.camera.source.newest import Newest, open_source
 from robot_link.camera.uri import DeviceUri, camera_uri
 from robot_link.camera.wire import BODY_MAX
+from tests.free_port import free_port
 from tests.robot_link.camera.camera_server import jpeg, noise, serving
 
 RNG = np.random.default_rng()
@@ -90,10 +92,8 @@ def test_a_camera_that_says_nothing_is_given_up(monkeypatch):
 
 
 def test_nobody_at_an_address_is_told():
-    with serving(a_jpeg) as camera:
-        address = camera.address
     with pytest.raises(SourceError, match="nobody answers there"):
-        next(frames(f"{address}/stream"))
+        next(frames(f"http://127.0.0.1:{free_port()}/stream"))
 
 
 def test_certificates_are_verified_and_proxies_not_asked(monkeypatch):
@@ -214,8 +214,8 @@ def test_a_film_is_shown_to_its_end(tmp_path):
 class Webcam:
     """What OpenCV gives of a webcam, for this machine has none."""
 
-    def __init__(self, driver_s):
-        self.properties = {cv2.CAP_PROP_POS_MSEC: 1e3 * driver_s}
+    def __init__(self, age_s):
+        self.age_s, self.properties = age_s, {}
         self.jpeg = a_jpeg()
         self.is_released = False
 
@@ -223,6 +223,8 @@ class Webcam:
         return True
 
     def get(self, name):
+        if name == cv2.CAP_PROP_POS_MSEC:
+            return 1e3 * (time.clock_gettime(time.CLOCK_MONOTONIC) - self.age_s)
         return self.properties.get(name, 0.0)
 
     def set(self, name, value):
@@ -238,7 +240,7 @@ class Webcam:
 
 @pytest.mark.parametrize(("age_s", "told_s"), [(0.4, 0.4), (1e6, 0.08), (-5.0, 0.08)])
 def test_a_webcams_driver_tells_when_a_picture_was_taken(monkeypatch, age_s, told_s):
-    webcam = Webcam(time.clock_gettime(time.CLOCK_MONOTONIC) - age_s)
+    webcam = Webcam(age_s)
     monkeypatch.setattr(cv2, "VideoCapture", lambda *_: webcam)
     monkeypatch.setattr(DeviceUri, "path", lambda _: device.Path("/dev/null"))
     monkeypatch.setattr(device, "_number", lambda _: 0)
@@ -259,7 +261,8 @@ def test_a_webcam_that_is_not_there_is_told():
         next(frames("v4l2:///dev/video987"))
 
 
-def test_the_newest_picture_is_kept_and_those_that_waited_are_counted():
+def test_the_newest_picture_is_kept_and_those_that_waited_are_counted(monkeypatch):
+    monkeypatch.setattr(newest_module, "_PAUSES_S", (3600.0,))  # how the source ended stays told
     with serving(a_jpeg, 0.005) as camera:
         uri = f"{camera.address}/stream?fps=60"
         newest = Newest(camera_uri(uri), SourceSettings("tank-1", uri))

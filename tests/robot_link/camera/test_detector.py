@@ -17,7 +17,9 @@ from robot_link.camera.sighting import Region
 from tests.robot_link.camera.drawn import board_picture, patch, pattern, scene
 
 DETECTOR = TagDetector()
-PATCHES = 40
+PATCHES = 80
+PICTURES = 10
+BOARDS = 7
 
 
 def everywhere(grey):
@@ -60,23 +62,38 @@ def test_in_noise_no_tag_is_found(rng):
         assert DETECTOR.find(noise, [everywhere(noise)], 1.0).tags == []
 
 
-def test_one_picture_fixes_order_half_pixel_and_half_turn_for_both_libraries(rng):
+def test_pictures_fix_order_half_pixel_and_half_turn_for_both_libraries(rng):
     """As printed, upright: top left is up and to the left of all others."""
-    grey, corners = patch(rng, 7, 60.0, tilt_deg=0.0, turn_rad=0.0, noise=1.0)
-    assert (corners[0] < corners[2]).all()
-    (fitted,) = DETECTOR.find(grey, [everywhere(grey)]).tags
-    assert np.array(fitted.corners_px) == pytest.approx(corners, abs=0.15)
-    for found in (search(grey), search_region(grey, everywhere(grey))):
-        assert found[0].corners_px == pytest.approx(corners, abs=0.45)
-        assert (found[0].corners_px - corners).mean() == pytest.approx(0.0, abs=0.1)
     values = cv2.aruco.DetectorParameters()
     values.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    found, ids, _ = cv2.aruco.ArucoDetector(dictionary, values).detectMarkers(grey)
-    assert ids.ravel().tolist() == [7]
-    off = np.reshape(found[0], (4, 2)) - corners
-    assert np.abs(off).max() < 1.0
-    assert np.abs(off.mean(axis=0)).max() < 0.25
+    theirs = cv2.aruco.ArucoDetector(dictionary, values)
+    offs = {"fitted": [], "whole": [], "region": [], "OpenCV": []}
+    for _ in range(PICTURES):
+        grey, corners = patch(rng, 7, 60.0, tilt_deg=0.0, turn_rad=0.0, noise=1.0)
+        assert (corners[0] < corners[2]).all()
+        (fitted,) = DETECTOR.find(grey, [everywhere(grey)]).tags
+        (whole,), (region,) = search(grey), search_region(grey, everywhere(grey))
+        found, ids, _ = theirs.detectMarkers(grey)
+        assert ids.ravel().tolist() == [7]
+        told = (
+            fitted.corners_px,
+            whole.corners_px,
+            region.corners_px,
+            np.reshape(found[0], (4, 2)),
+        )
+        for name, one in zip(offs, told, strict=True):
+            offs[name].append(np.array(one) - corners)
+    # Of one picture the corners lie by chance within a pixel: the mean of several is judged.
+    for name, each_px, all_px in (
+        ("fitted", 0.15, 0.1),
+        ("whole", 0.45, 0.1),
+        ("region", 0.45, 0.1),
+        ("OpenCV", 1.0, 0.25),
+    ):
+        assert np.abs(offs[name]).max() < 1.0, name
+        assert np.mean(offs[name], axis=0) == pytest.approx(np.zeros((4, 2)), abs=each_px), name
+        assert np.mean(offs[name]) == pytest.approx(0.0, abs=all_px), name
 
 
 def test_a_turned_tag_keeps_its_corners_in_order(rng):
@@ -123,11 +140,14 @@ def test_no_region_and_no_small_picture_brings_the_library_down(shape, box):
 
 
 def test_corners_of_the_board_are_those_of_its_drawing(rng):
-    grey, wanted = board_picture(50.0, (720, 560), float(rng.uniform(-0.15, 0.15)))
-    found = find_board(grey)
-    assert len(found) >= 65
-    off = np.array([corner.pixel for corner in found]) - wanted[[corner.id for corner in found]]
-    assert np.sqrt(np.mean(off**2)) < 0.15
+    counts = []
+    for turn_rad in rng.uniform(-0.15, 0.15, BOARDS):
+        grey, wanted = board_picture(50.0, (720, 560), float(turn_rad))
+        found = find_board(grey)
+        counts.append(len(found))
+        off = np.array([corner.pixel for corner in found]) - wanted[[corner.id for corner in found]]
+        assert np.sqrt(np.mean(off**2)) < 0.15
+    assert np.median(counts) >= 65  # at some turns a marker, and with it a few corners, is missed
     assert find_board(np.zeros((480, 640), dtype=np.uint8)) == []
     assert find_board(grey[:20]) == []
 

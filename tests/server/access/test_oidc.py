@@ -4,7 +4,9 @@ import json
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -26,35 +28,41 @@ PEOPLE = [
 ]  # fmt: skip
 
 
-def free_port() -> int:
+@contextmanager
+def closed_port() -> Iterator[int]:
+    """Give a port at which nobody listens, and that nobody else gets meanwhile."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+        yield one.getsockname()[1]
 
 
 @pytest.fixture(scope="module")
 def issuer() -> Iterator[str]:
-    port = free_port()
     people = [part for person in PEOPLE for part in ("--user-claims", json.dumps(person))]
-    command = [sys.executable, "-m", "oidc_provider_mock", "--port", str(port), *people]
-    issuer = f"http://127.0.0.1:{port}"
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            wait_for(f"{issuer}/.well-known/openid-configuration", process)
-            yield issuer
-        finally:
-            process.terminate()
-
-
-def wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
-    """Return as soon as a process serves an address."""
-    while process.poll() is None:
-        try:
-            httpx.get(address)
-        except httpx.HTTPError:
-            continue
-        return
+    for _ in range(5):  # somebody else may take the port before the provider does
+        with closed_port() as port:
+            issuer = f"http://127.0.0.1:{port}"
+        command = [sys.executable, "-m", "oidc_provider_mock", "--port", str(port), *people]
+        with subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        ) as process:
+            try:
+                if serves(f"{issuer}/.well-known/openid-configuration", process):
+                    yield issuer
+                    return
+            finally:
+                process.terminate()
     raise AssertionError("the provider has ended")
+
+
+def serves(address: str, process: subprocess.Popen[bytes]) -> bool:
+    """Wait until a process serves an address; tell whether it does, or has ended."""
+    while process.poll() is None:
+        with suppress(httpx.HTTPError):
+            httpx.get(address, timeout=60)
+            return process.poll() is None
+        time.sleep(0.1)
+    return False
 
 
 @pytest.fixture
@@ -66,7 +74,7 @@ async def app(tmp_path: Path, issuer: str) -> AsyncIterator[FastAPI]:
 
 async def at_provider(address: str, subject: str) -> str:
     """Let somebody sign in at the provider; return where it sends them."""
-    async with httpx.AsyncClient() as provider:
+    async with httpx.AsyncClient(timeout=60) as provider:
         answer = await provider.post(address, data={"sub": subject})
     assert answer.is_redirect, answer.text
     return answer.headers["location"]
@@ -149,11 +157,13 @@ async def test_refusal_of_the_provider_is_told(app: FastAPI):
 
 
 async def test_provider_that_is_down_keeps_nobody_from_their_password(tmp_path: Path):
-    settings = {"oidc_issuer": f"http://127.0.0.1:{free_port()}", "oidc_client_id": "grace"}
-    async with running(tmp_path, **settings, oidc_roles=ROLES) as app, admin_of(app) as admin:
-        assert (await admin.get("/api/session/provider")).json() == {"title": "your organisation"}
-        assert "does not answer" in refusal(await admin.get("/sign-in/oidc"))
-        assert (await admin.get("/api/session")).json()["name"] == "ann"
+    with closed_port() as port:
+        settings = {"oidc_issuer": f"http://127.0.0.1:{port}", "oidc_client_id": "grace"}
+        async with running(tmp_path, **settings, oidc_roles=ROLES) as app, admin_of(app) as admin:
+            title = (await admin.get("/api/session/provider")).json()
+            assert title == {"title": "your organisation"}
+            assert "does not answer" in refusal(await admin.get("/sign-in/oidc"))
+            assert (await admin.get("/api/session")).json()["name"] == "ann"
 
 
 async def test_station_without_a_provider_offers_none(tmp_path: Path):

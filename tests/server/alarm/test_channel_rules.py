@@ -63,8 +63,12 @@ async def test_a_reading_of_the_robot_itself_is_judged_shown_and_listed(station,
     assert found.level == "critical"
     channels = (await client.get(f"/api/robots/{MINI}/state")).json()["channels"]
     assert (channels["leak"]["value"], channels["leak"]["is_derived"]) == (1.0, False)
-    told = (await client.get(f"/api/robots/{MINI}/channels")).json()
-    assert [one["samples"] for one in told if one["key"] == "leak"] == [1]
+
+    async def is_listed():
+        told = (await client.get(f"/api/robots/{MINI}/channels")).json()
+        return [one["samples"] for one in told if one["key"] == "leak"] == [1]
+
+    await until(is_listed)
 
 
 async def test_a_value_that_cannot_be_true_raises_nothing(station, world):

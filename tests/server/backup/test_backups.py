@@ -2,6 +2,7 @@
 
 import asyncio
 import stat
+import threading
 from datetime import timedelta
 
 import pytest
@@ -9,10 +10,12 @@ import pytest
 from db.care import complaints
 from db.query.station.settings import get_setting, put_setting
 from server.access.role import Role
+from server.backup import task
 from server.backup.backups import FAILED, OLD
 from server.backup.failure import BackupError
 from server.backup.key import PrivateKey
 from server.backup.restoring import restore_backup
+from server.base.event_bus import JobChanged
 from tests.server.backup.conftest import BackedUp, Wall, backed_up, fatten
 from tests.server.conftest import until
 from tests.server.station_app import signed_in
@@ -138,11 +141,16 @@ async def test_a_last_good_backup_that_is_older_than_two_periods_is_an_alarm(her
     here.folder.chmod(0o700)
     away = here.folder.with_name("unplugged")
     here.folder.rename(away)
+    failed = []
+    here.foundation.bus.subscribe(
+        JobChanged, lambda event: failed.append(event.job.id) if event.job.state == "failed" else 0
+    )
     here.pass_by(hours=47)
     await until(lambda: here.alarms(FAILED))
     assert not here.alarms(OLD)
     here.pass_by(hours=2)
     await until(lambda: here.alarms(OLD))
+    await until(lambda: len(failed) == 2)  # the next is due an hour after this one
     (away / "moved").rename(away / backup["name"])
     away.rename(here.folder)
     here.pass_by(hours=1)
@@ -207,11 +215,18 @@ async def test_a_backup_that_is_called_off_leaves_nothing_and_is_no_failure(apar
     assert not here.alarms(FAILED)
 
 
-async def test_while_one_is_made_a_second_is_the_same_one(here):
-    fatten(here.data / "station.sqlite3", 20)
+async def test_while_one_is_made_a_second_is_the_same_one(here, monkeypatch):
+    goes_on, make = threading.Event(), task.make_backup
+
+    def make_later(*words):
+        assert goes_on.wait(120.0)
+        return make(*words)
+
+    monkeypatch.setattr(task, "make_backup", make_later)
     await here.set_up()
     first, second = await asyncio.gather(here.back_up(), here.back_up())
     assert first == second == (await here.view())["job"]
+    goes_on.set()
     await ended(here, first)
     assert len(await until_there_are(here, 1)) == 1
 

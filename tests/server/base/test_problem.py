@@ -28,7 +28,7 @@ SECOND_STEPS = {
 """How a request may end whose first step was committed."""
 
 
-def routes(calls):
+def routes(calls, may_act):
     """Routes that fail in every way, and some that count how often they act."""
     router = APIRouter(route_class=IdempotentRoute)
 
@@ -46,7 +46,7 @@ def routes(calls):
 
     @router.post("/api/test/order", status_code=202)
     async def order(caller: Pilot, body: Order) -> dict[str, int]:
-        await asyncio.sleep(0.05)
+        await may_act.wait()
         if body.amount < 0:
             raise conflict("Less than nothing.")
         calls.append(body.amount)
@@ -69,11 +69,19 @@ def calls():
 
 
 @pytest.fixture
-async def admin(tmp_path, calls):
+async def may_act():
+    """Lets orders go on."""
+    gate = asyncio.Event()
+    gate.set()
+    return gate
+
+
+@pytest.fixture
+async def admin(tmp_path, calls, may_act):
     async with running(tmp_path) as app:
         # Before the operator app, which answers at every address that is left.
         catch_all = app.router.routes.pop()
-        app.include_router(routes(calls))
+        app.include_router(routes(calls, may_act))
         app.router.routes.append(catch_all)
         async with signed_in(app) as client:
             yield client
@@ -139,11 +147,16 @@ async def test_the_same_request_twice_acts_once(admin, calls):
     assert other.json() == {"order": 2}
 
 
-async def test_two_at_the_same_moment_act_once(admin, calls):
+async def test_two_at_the_same_moment_act_once(admin, calls, may_act):
     headers = {"Idempotency-Key": "a"}
-    answers = await asyncio.gather(
-        *(admin.post("/api/test/order", json={"amount": 3}, headers=headers) for _ in range(4))
-    )
+    may_act.clear()
+    asked = [
+        asyncio.create_task(admin.post("/api/test/order", json={"amount": 3}, headers=headers))
+        for _ in range(4)
+    ]
+    await until(lambda: sum(one.done() for one in asked) == 3)
+    may_act.set()
+    answers = await asyncio.gather(*asked)
     assert calls == [3]
     assert sorted(answer.status_code for answer in answers) == [202, 409, 409, 409]
 

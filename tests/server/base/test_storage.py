@@ -50,6 +50,11 @@ async def test_a_locked_database_raises_one_alarm_and_refuses_changes(tmp_path):
             await eventually(open_alarms)
             [alarm] = await open_alarms()
             assert (alarm["level"], alarm["state"]) == ("critical", "unacknowledged")
+
+            async def is_on_the_disk():
+                return store.bridged_rows == 1
+
+            await eventually(is_on_the_disk)
             health = (await admin.get("/api/health")).json()
             assert (health["status"], health["ready"]) == ("degraded", False)
             storage = health["storage"]
@@ -181,6 +186,7 @@ async def test_each_step_of_an_alarm_is_its_own_sentence_in_the_log(tmp_path):
         await board.clear("battery")
         await board.raise_("clock", "Its clock is wrong.", level="watch")
         await board.clear("clock")
+        await board.save_waiting()
         events = (await admin.get("/api/events")).json()["events"]
         told = [
             (event["kind"], event["level"], event["text"])

@@ -25,7 +25,7 @@ MINI = PLANNER_PRESETS["miniglider"]
 FIELD = FIELD_PRESETS["blue_light"]
 QUICK = MINI.model_copy(
     update={
-        "planning_time_s": 30.0,
+        "planning_time_s": 600.0,
         "search": MINI.search.model_copy(update={"iterations_max": 60}),
     }
 )
@@ -92,7 +92,7 @@ def test_samples_that_others_will_take_make_theirs_worth_less():
 def test_plan_of_the_lake_stays_off_the_shore():
     config = PLANNER_PRESETS["grace3"].model_copy(
         update={
-            "planning_time_s": 30.0,
+            "planning_time_s": 600.0,
             "search": QUICK.search.model_copy(
                 update={"step_m": 40.0, "near_radius_m": 40.0, "nearest_radius_m": 32.0}
             ),
@@ -161,7 +161,7 @@ def test_points_that_stand_for_a_domain_follow_its_shape():
 def test_station_never_loads_the_compiler():
     code = "import server.app, sys; print('numba' in sys.modules)"
     found = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=240
     )
     assert found.stdout.strip() == "False"
 

@@ -68,7 +68,8 @@ def break_off(_: None, report: Callable[[int], None], cancelled: Callable[[], bo
 
 
 @pytest_asyncio.fixture
-async def pool() -> AsyncIterator[WorkerPool]:
+async def pool(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[WorkerPool]:
+    monkeypatch.setattr(worker_module, "CANCEL_GRACE_S", 60.0)
     pool = WorkerPool()
     yield pool
     await pool.stop()

@@ -159,7 +159,7 @@ async def test_station_learns_what_a_robot_draws_and_knows_it_after_a_restart(
 
         async def learned():
             found = (await client.get("/api/robots/mini-1/battery")).json()
-            return found if found["flights"] >= 8 else None
+            return found if found["flights"] == len(cut(words)) else None
 
         found = await until(learned)
         powers = {one["use"]: one for one in found["uses"]}
@@ -240,7 +240,7 @@ def test_way_home_counts():
 
 def test_a_stay_at_the_surface_swims_for_the_share_that_its_energy_pays():
     prices = EnergyConfig()
-    for share in np.random.default_rng().uniform(0.0, 1.0, 20):
+    for share in np.random.default_rng(5).uniform(0.0, 1.0, 20):
         swimming = primitive.energy(PrimitiveKind.SWIM, 3600.0, prices)
         floating = prices.time_factor * 3600.0
         energy = share * swimming + (1.0 - share) * floating

@@ -44,6 +44,7 @@ class StandIn:
         self.order = Order()
         self.boards = 0
         self.frame = 0
+        self.began = datetime.now(UTC)
 
     def say(self, message: object) -> None:
         os.write(1, framed(message))  # type: ignore[arg-type]
@@ -52,8 +53,10 @@ class StandIn:
         now = datetime.now(UTC)
         taken = now - timedelta(seconds=float(self.option.get("age_s", "0.03")))
         if self.option.get("times") == "back":
-            taken -= timedelta(milliseconds=self.frame)
-            taken = min(taken, datetime.fromtimestamp(START - 1e-3 * self.frame, UTC))
+            # They go back within a stretch and begin anew before they are old.
+            stretch = self.frame % 64
+            self.began = self.began if stretch else now
+            taken = self.began - timedelta(milliseconds=stretch)
         self.frame += 1
         shift = 0.0 if "still" in self.option else 0.001 * (self.frame % 7)
         corners = tuple((x + shift, y) for x, y in TAG.corners_px)
@@ -70,9 +73,6 @@ class StandIn:
                 BoardCorner(i, (30.0 + 20.0 * (i % 10), 30.0 + 20.0 * (i // 10))) for i in range(70)
             ]
             self.say(BoardView(self.camera, self.frame, SIZE, corners))
-
-
-START = time.time()
 
 
 def listen(stand_in: StandIn, reader: CameraReader) -> None:
@@ -96,7 +96,7 @@ def main() -> None:
     limit = int(stand_in.option.get("pictures", "1000000"))
     while stand_in.frame < limit:
         stand_in.picture()
-        time.sleep(0.05)
+        time.sleep(float(stand_in.option.get("period_s", "0.05")))
     match stand_in.option.get("then"):
         case "nonsense":
             os.write(1, b"\xff" * 64)

@@ -7,6 +7,7 @@ again for every picture: ``level_m``, ``slope_deg``, and for each camera ``turne
 """
 
 import json
+import math
 import os
 import sys
 import threading
@@ -32,7 +33,8 @@ from robot_link.camera.wire import CameraReader, framed
 from tests.autonomy.vision.boards import drawn_views
 from tests.autonomy.vision.tank import overhead_cameras, see, surveyed, tank_layout
 
-PERIOD_S = 0.1
+PERIOD_S = 0.1062
+"""Never in step with a screen: any sixteen pictures one after another come evenly over its step."""
 LATENCY_S = 0.03
 SURVEY_SEED = 7
 
@@ -72,7 +74,6 @@ class Tank:
         self.frame += 1
         world = json.loads(self.world.read_text())
         camera = true_camera(self.name, world)
-        taken = datetime.now(UTC)
         seen = see(
             [camera],
             self.tags,
@@ -81,9 +82,10 @@ class Tank:
             level_m=world.get("level_m", 0.0),
             slope_rad=np.radians(world.get("slope_deg", 0.0)),
         )
+        taken = datetime.now(UTC)
         tags = [told(one.tag_id, one.corners_px, one.sigma_px) for one in seen]
-        if "begun" in world:
-            since_s = taken.timestamp() - world["begun"]
+        since_s = taken.timestamp() - world.get("begun", math.inf)
+        if since_s >= 0.0:
             square = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]]) + 60.0
             tags.append(told(200 + int(since_s / 0.1) % 16, square, 0.05))
         arrived = taken + timedelta(seconds=LATENCY_S)
@@ -128,11 +130,10 @@ def main() -> None:
         tank.order = order
     threading.Thread(target=listen, args=(tank, reader), daemon=True).start()
     tank.say(SourceReport(tank.name, "running", "", 0, 0, {}, tank.size, 10.0))
+    begun_s = time.monotonic()
     while True:
-        begun = time.monotonic()
         tank.picture()
-        period_s = PERIOD_S * tank.rng.uniform(0.6, 1.4)  # never in step with a screen
-        time.sleep(max(0.0, period_s - (time.monotonic() - begun)))
+        time.sleep(PERIOD_S - (time.monotonic() - begun_s) % PERIOD_S)
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ async def test_a_camera_that_is_none_says_why(client, camera, path):
 
 async def test_a_camera_is_looked_through_before_it_is_added(client, camera):
     uri = f"{camera.address}/stream"
-    body = {"uri": uri, "seconds": 1.0}
+    body = {"uri": uri, "seconds": 3.0}
     answer = await client.post("/api/cameras/test", json=body)
     assert answer.status_code == 200, answer.text
     lines = answer.json()["lines"]

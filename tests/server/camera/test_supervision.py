@@ -17,6 +17,7 @@ from robot_link.clock import ScaledClock, SystemClock
 from server.access.role import Role
 from server.camera.event import PictureSeen
 from server.camera.moment import AHEAD, BACK, OLD, PictureMoments
+from server.camera.picture import newest
 from server.camera.picture.newest import Pictures
 from server.camera.picture.route import _marks
 from server.camera.processes import CameraProcesses
@@ -109,16 +110,16 @@ async def _restarted(client):
     return shown if shown["restarts"] else None
 
 
-async def test_a_process_that_speaks_nonsense_is_ended_and_counted(client, processes, seen):
+async def test_a_process_that_speaks_nonsense_is_ended_and_counted(client, foundation, processes):
+    said_by = []
+    foundation.bus.subscribe(PictureSeen, lambda _: said_by.append(processes.process_id("tank-1")))
     await added(client, pictures=2, then="nonsense")
-    await until(lambda: seen)
-    first = processes.process_id("tank-1")
 
     async def counted():
         return (await camera(client))["refused"].get("nonsense")
 
     assert await until(counted) >= 1
-    assert not alive(first)
+    await until(lambda: said_by and not alive(said_by[0]))
 
 
 async def test_a_frozen_picture_is_told(client, foundation, processes):
@@ -140,9 +141,13 @@ async def test_old_pictures_are_dropped_and_told_after_ten(client, foundation, s
 
 
 async def test_times_that_go_back_are_told(client, foundation):
-    await added(client, times="back")
-    alarm = await until(lambda: foundation.alarms.standing("camera-times:tank-1", None))
-    assert BACK in alarm.text
+    await added(client, times="back", period_s=0.01)
+
+    def told():
+        alarm = foundation.alarms.standing("camera-times:tank-1", None)
+        return alarm is not None and BACK in alarm.text
+
+    await until(told)  # on a busy machine some come too late, which is told as well
 
 
 def sighting(taken_at, frame=1, arrived_at=None):
@@ -156,7 +161,7 @@ def test_times_are_counted_back_by_the_speed_of_the_stations_clock():
     now = datetime.now(UTC)
     before = clock.now()
     found = moments.taken_at(sighting(now - timedelta(seconds=0.2), arrived_at=now), now)
-    assert abs((found - before).total_seconds() + 0.6) < 0.3
+    assert before <= found + timedelta(seconds=0.6) <= clock.now()
 
 
 @pytest.mark.parametrize(("shift_s", "why"), [(-1.5, OLD), (0.5, AHEAD), (-0.3, BACK), (0.0, BACK)])
@@ -211,23 +216,27 @@ async def _in_state(client, state):
     return shown if shown["state"] == state else None
 
 
-async def test_pictures_are_sent_while_somebody_looks_and_kept_nowhere(client, foundation):
+async def test_pictures_are_sent_while_somebody_looks_and_kept_nowhere(client, foundation, seen):
     await added(client)
+    await until(lambda: seen)  # a picture without a sighting has no marks
     plain = await until(lambda: _picture(client))
     assert plain.headers["Content-Type"] == "image/jpeg"
     assert plain.headers["Cache-Control"] == "no-store"
-    marked = await client.get("/api/cameras/tank-1/picture.jpg?marks=1")
+    marked = await until(lambda: _picture(client, marks=1))
     assert marked.content != plain.content
     folder = foundation.settings.data_dir
     assert pictures_in(folder) == []
 
 
-async def test_no_tag_is_called_used_in_a_camera_that_is_not_calibrated(client, foundation):
+async def test_no_tag_is_called_used_in_a_camera_that_is_not_calibrated(
+    client, foundation, seen, monkeypatch
+):
+    monkeypatch.setattr(newest, "PATIENCE_S", 60.0)
     tag = {"id": 100, "size_m": 0.15, "position_m": [1.0, 0.5, 1.2]}
     told = await client.put("/api/tags", json={"layout": {"tags": [tag]}, "bundles": []})
     assert told.status_code == 200, told.text
     await added(client)
-    await until(lambda: _picture(client))
+    await until(lambda: seen)
     services = foundation.services
     picture = await services.get(Pictures).newest("tank-1")
     marks = _marks(picture, services.get(CameraStatuses).of("tank-1"), services.get(CameraRig))
@@ -236,15 +245,13 @@ async def test_no_tag_is_called_used_in_a_camera_that_is_not_calibrated(client, 
 
 
 def pictures_in(folder):
-    return [
-        file
-        for file in folder.rglob("*")
-        if file.is_file() and b"\xff\xd8\xff" in file.read_bytes()
-    ]
+    """Return the files with a picture in them; fewer bytes than these are in a database by luck."""
+    begin = b"\xff\xd8\xff\xe0\x00\x10JFIF"
+    return [file for file in folder.rglob("*") if file.is_file() and begin in file.read_bytes()]
 
 
-async def _picture(client):
-    answer = await client.get("/api/cameras/tank-1/picture.jpg")
+async def _picture(client, **query):
+    answer = await client.get("/api/cameras/tank-1/picture.jpg", params=query)
     return answer if answer.status_code == 200 else None
 
 

@@ -140,7 +140,7 @@ async def test_scheduled_send_waits_for_the_list_and_goes_once_it_is_complete(cl
     plan = await drafted(client)
     now = datetime.now(UTC)
     wish = {
-        "condition": {"kind": "time", "at": (now + timedelta(seconds=1)).isoformat()},
+        "condition": {"kind": "time", "at": (now + timedelta(seconds=5)).isoformat()},
         "expires_at": (now + timedelta(minutes=30)).isoformat(),
     }
     answer = await client.post(f"/api/plans/{plan}/schedule", json=wish)

@@ -143,7 +143,8 @@ async def test_a_stream_outlives_the_time_for_a_head(port, monkeypatch):
             await asyncio.sleep(http_server.HEADER_MAX_S / 10)
 
 
-async def test_who_has_just_connected_is_answered_by_a_server_that_stops(port, server):
+async def test_who_has_just_connected_is_answered_by_a_server_that_stops(port, server, monkeypatch):
+    monkeypatch.setattr(http_server, "LAST_REQUEST_S", 60.0)
     asked = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     idle, between = await asyncio.open_connection("127.0.0.1", port)

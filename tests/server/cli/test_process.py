@@ -145,7 +145,7 @@ async def test_a_child_that_is_killed_is_started_again_and_the_other_goes_on(tmp
         lambda: ready.append(True),
     )
     running = asyncio.create_task(supervisor.run())
-    await until(lambda: pids(tmp_path / "a") and pids(tmp_path / "b"))
+    await until(lambda: pids(tmp_path / "a") and pids(tmp_path / "b") and ready)
     assert ready == [True]
     os.kill(pids(tmp_path / "a")[0], signal.SIGKILL)
     await until(lambda: len(pids(tmp_path / "a")) == 2)
@@ -157,8 +157,9 @@ async def test_a_child_that_is_killed_is_started_again_and_the_other_goes_on(tmp
 
 
 async def test_a_child_that_ends_again_and_again_ends_the_whole_with_its_last_words(
-    tmp_path, capsys
+    tmp_path, capsys, monkeypatch
 ):
+    monkeypatch.setattr(supervisor_module, "QUICK_DEATH_S", 60.0)
     broken = Child("station", (sys.executable, "-c", "raise SystemExit('no such planet')"))
     supervisor = Supervisor(
         (broken, child("simulator", tmp_path / "b")), tmp_path / "log", lambda: None

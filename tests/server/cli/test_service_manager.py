@@ -83,6 +83,7 @@ async def test_signs_of_life_stop_while_the_writer_hangs_and_come_back_after_it(
 
     hung = store.change(hang)
     await asyncio.to_thread(begun.wait)
+    await asyncio.sleep(PERIOD_S)  # what the writer had answered before is said
     assert await asyncio.to_thread(is_silent, ear)
     goes_on.set()
     await asyncio.wrap_future(hung)

@@ -141,6 +141,12 @@ async def test_surface_purges_the_automation_of_that_robot(client, station, worl
 
     await until(running)
     await until(lambda: world.robots[MINI].state.name == "RUNNING")
+
+    async def flown():
+        plan = (await client.get(f"/api/missions/{mission}")).json()["plan_id"]
+        return (await client.get(f"/api/plans/{plan}")).json()["state"] == "running"
+
+    await until(flown)
     await order(client)
 
     async def stopped():
@@ -217,7 +223,11 @@ async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
     await until(lambda: not station.transfers._tasks)
     await asyncio.sleep(0.3)
     assert {kind for _, kind, _ in world.commands} == {CommandKind.SURFACE}
-    assert (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"
+
+    async def stopped():
+        return (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"
+
+    await until(stopped)
 
 
 async def test_orders_that_were_under_way_are_sent_again_after_a_restart(tmp_path, world):

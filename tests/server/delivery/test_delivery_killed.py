@@ -102,12 +102,10 @@ def test_what_a_station_that_was_killed_offers_is_whole_and_it_delivers_anew(pre
     folder, token = prepared
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     station = Station(tmp_path, token)
-    packages = set()
     try:
         station.ask("PATCH", "/api/config/delivery?robot=mini-1", json=METADATA)
         for moment, pattern in MOMENTS.items():
-            job, before = station.deliver(), packages
-            wait_for(partial(new_files, tmp_path, pattern, before))
+            job, before = delivering(station, tmp_path, pattern)
             station.end(signal.SIGKILL)
             station = Station(tmp_path, token)
             ended = station.ask("GET", f"/api/jobs/{job}")
@@ -123,6 +121,26 @@ def test_what_a_station_that_was_killed_offers_is_whole_and_it_delivers_anew(pre
         assert len(after - packages) == 1
     finally:
         station.end(signal.SIGTERM)
+
+
+def delivering(station, folder, pattern):
+    """Deliver until that is seen at a moment; return the job, and what was offered before."""
+    while True:
+        before, _ = station.offered()
+        job = station.deliver()
+        if wait_for(partial(moment_or_end, station, job, folder, pattern, before)) == "moment":
+            return job, before
+
+
+def moment_or_end(station, job, folder, pattern, known):
+    """Tell whether a delivery is at a moment, or has ended and nobody saw it there."""
+    for _ in range(20):
+        if new_files(folder, pattern, known):
+            return "moment"
+        time.sleep(0.005)
+    state = station.ask("GET", f"/api/jobs/{job}")["state"]
+    assert state in {"queued", "running", "done"}
+    return "end" if state == "done" else ""
 
 
 def new_files(folder, pattern, known):

@@ -40,10 +40,13 @@ def main() -> None:
     threading.Thread(target=listen, args=(reader,), daemon=True).start()
     size = (camera.lens.width_px, camera.lens.height_px)
     os.write(1, framed(SourceReport(name, "running", "", 0, 0, {}, size, 5.0)))
-    frame = 0
+    frame, number = 0, int(time.time() / PERIOD_S)
     while True:
+        # All cameras take pictures of the same moments, however late their processes run.
+        number += 1
+        time.sleep(max(0.0, number * PERIOD_S - time.time()))
         frame += 1
-        taken = datetime.now(UTC)
+        taken = datetime.fromtimestamp(number * PERIOD_S, UTC)
         tags = [
             TagSeen(
                 id=seen.tag_id,
@@ -57,7 +60,6 @@ def main() -> None:
         ]
         arrived = datetime.now(UTC)
         os.write(1, framed(Sighting(name, frame, taken, arrived, size, "whole", tags)))
-        time.sleep(PERIOD_S - time.time() % PERIOD_S)
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ class Cameraman:
             self.shoot((tags, path(PERIOD_S * i)))
             await asyncio.sleep(PERIOD_S)
 
-    async def until_found(self, tags, pose, is_found, timeout_s=60.0):
+    async def until_found(self, tags, pose, is_found, timeout_s=120.0):
         """Tell sets of pictures of a robot that lies still until something is so."""
 
         async def look():

@@ -81,14 +81,13 @@ async def test_a_robot_that_its_own_camera_fixed_is_fixed_by_no_other(client, st
 async def test_position_says_that_cameras_fixed_it_only_where_the_robot_says_so(
     client, station, world
 ):
-    sees = SentFix(3, datetime.now(UTC))
-    station.fleet.note_fix_sent(MINI, sees)
-    world.tell(state_report(MINI, has_fix=True))
+    now = datetime.now(UTC)
+    station.fleet.note_fix_sent(MINI, SentFix(3, now))
+    world.tell(state_report(MINI, at=now, has_fix=True))
     assert (await client.get("/api/robots/mini-1/state")).json()["position"]["fix_text"] == ""
-    world.tell(state_report(MINI, has_fix=True, is_by_cameras=True))
-    position = (await client.get("/api/robots/mini-1/state")).json()["position"]
-    assert position["fix_text"] == "fixed by 3 cameras"
-    assert 0.0 <= position["fix_age_s"] < 5.0
+    text, age_s = await fix_told(client, world, now + timedelta(milliseconds=1))
+    assert text == "fixed by 3 cameras"
+    assert 0.0 <= age_s <= (datetime.now(UTC) - now).total_seconds()
 
 
 async def test_old_words_are_marked_as_old(client, world, still):
@@ -331,7 +330,11 @@ async def test_live_stream_of_one_robot_is_silent_about_the_others(client, addre
     async with websockets.connect(uri, additional_headers=bearer(client.secret)) as stream:
         assert set(json.loads(await stream.recv())["robots"]) == {"grace-1"}
         world.tell(state_report(MINI))
-        assert json.loads(await stream.recv())["robots"] == {}
+        world.tell(state_report(GRACE, (200.0, 200.0, 0.0), mode=RobotMode.HOLDING))
+        robots = {}
+        while robots.get("grace-1", {}).get("mode") != "holding":
+            robots = json.loads(await stream.recv())["robots"]
+            assert robots.keys() <= {"grace-1"}
 
 
 async def test_live_stream_needs_a_sign_in(address):

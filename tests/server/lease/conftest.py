@@ -107,11 +107,14 @@ class Hours:
 
 @pytest.fixture
 def hours(station: OpenStation, monkeypatch: pytest.MonkeyPatch) -> Hours:
-    """Let hours pass for who is silent and what is asked, while the machine waits for nothing."""
-    hours, real = Hours(), presence_module.monotonic_s
+    """Let hours pass for who is silent and what is asked, while the machine waits for nothing.
+
+    For who is silent no other time passes, however slow the machine is.
+    """
+    hours, begun_s = Hours(), presence_module.monotonic_s()
     clock = type(station.foundation.clock)
     now = clock.now
-    monkeypatch.setattr(presence_module, "monotonic_s", lambda: real() + hours.passed_s)
+    monkeypatch.setattr(presence_module, "monotonic_s", lambda: begun_s + hours.passed_s)
 
     def later(self: Clock) -> datetime:
         return now(self) + timedelta(seconds=hours.passed_s)

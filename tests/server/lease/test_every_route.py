@@ -19,6 +19,7 @@ from db.query.station import grants
 from db.query.station.grants import GrantRecord
 from db.query.station.people import add_person, add_session
 from db.writer import tell_after_commit
+from server.access import presence
 from server.access.caller import Caller
 from server.access.guard import Guard
 from server.access.register import create_token
@@ -95,8 +96,9 @@ class World:
 async def here(
     station: OpenStation, client: StationClient, monkeypatch: pytest.MonkeyPatch
 ) -> AsyncIterator[World]:
-    # Another ground station keeps its robots on a machine of any speed.
+    # Another ground station keeps its robots, and nobody falls silent, on a machine of any speed.
     monkeypatch.setattr(ground_station, "QUIET_S", 1e6)
+    monkeypatch.setattr(presence, "monotonic_s", lambda: 0.0)
     async with client_of(client.app) as anyone:
         yield World(station, anyone)
 

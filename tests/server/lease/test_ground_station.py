@@ -23,7 +23,6 @@ from tests.robot_link.rig import Program, running, state
 from tests.server.conftest import MINI, open_station, until
 from tests.server.lease.conftest import act, lease_of, person_at
 from tests.server.link.test_real_peers import peer
-from tests.simulator.test_sub import free_port
 
 GUEST, OTHER = SystemId(200), SystemId(201)
 ROBOT = RobotId(MINI)
@@ -42,9 +41,13 @@ def obeys(system, *, allowed=False):
 
 async def asks(world, client, system=GUEST, **more):
     """Have another ground station ask, and wait for the answer that the robot gets."""
-    before = len(world.control_answers) + len(world.controls)
+
+    def answers():
+        return [one for one in world.control_answers + world.controls if one[1] == system]
+
+    before = len(answers())
     world.tell(asked(system, **more))
-    await until(lambda: len(world.control_answers) + len(world.controls) > before)
+    await until(lambda: len(answers()) > before)
     return await lease_of(client)
 
 
@@ -62,7 +65,7 @@ async def test_request_is_shown_to_who_is_in_charge_and_granted_by_them_alone(pe
     granted = (await act(ann, "grant", to=NAME)).json()
     assert (granted["holder"], granted["holder_kind"]) == (NAME, "station")
     assert not granted["is_silent"]
-    await until(lambda: world.controls[-1] == (ROBOT, GUEST, False))
+    await until(lambda: world.controls[-1:] == [(ROBOT, GUEST, False)])
     assert (ROBOT, GUEST, False) not in world.control_answers
     refused = await ann.post(f"/api/robots/{MINI}/commands", json={"kind": "hold"})
     assert refused.status_code == 409
@@ -72,6 +75,8 @@ async def test_request_is_shown_to_who_is_in_charge_and_granted_by_them_alone(pe
 
 
 async def test_refused_request_is_denied_and_the_next_ones_wait(person, world, monkeypatch):
+    now_s = ground_station.monotonic_s()
+    monkeypatch.setattr(ground_station, "monotonic_s", lambda: now_s)
     ann = await person("ann")
     await act(ann, "take")
     await asks(world, ann)
@@ -81,8 +86,7 @@ async def test_refused_request_is_denied_and_the_next_ones_wait(person, world, m
         lease = await asks(world, ann, system)
         assert lease["state"] == "held", "who asks again at once is not shown"
         assert world.control_answers[-1] == (ROBOT, system, False)
-    real = ground_station.monotonic_s
-    monkeypatch.setattr(ground_station, "monotonic_s", lambda: real() + ground_station.QUIET_S)
+    monkeypatch.setattr(ground_station, "monotonic_s", lambda: now_s + ground_station.QUIET_S)
     assert (await asks(world, ann, OTHER))["request"]["by"] == "ground station 201"
 
 
@@ -226,8 +230,9 @@ class Router(asyncio.DatagramProtocol):
 @asynccontextmanager
 async def lake(tmp_path):
     """A station with its real radios, a robot, and two ground stations of another maker."""
-    port, loop = free_port(), asyncio.get_running_loop()
-    hub, _ = await loop.create_datagram_endpoint(Router, local_addr=("127.0.0.1", port))
+    loop = asyncio.get_running_loop()
+    hub, _ = await loop.create_datagram_endpoint(Router, local_addr=("127.0.0.1", 0))
+    port = hub.get_extra_info("sockname")[1]
     program, clock = Program(), SystemClock()
     robot = RobotLink(
         SystemId(7),

@@ -6,6 +6,7 @@ import pytest
 
 from server.access.role import Role
 from server.lease.hold import AutomationHold
+from server.schedule.schedule import Schedule
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.lease.conftest import act, let_pilot, person_at
 from tests.server.schedule.test_schedule import send_in
@@ -101,12 +102,12 @@ async def test_the_switch_is_kept_when_the_station_is_started_anew(tmp_path, wor
         assert station.foundation.services.get(AutomationHold).is_held
 
 
-async def scheduled(client):
+async def scheduled(client, in_s):
     plan = (await client.post(f"/api/robots/{MINI}/plans", json=DIVE)).json()["id"]
     await plan_in(client, plan, "draft")
     now = datetime.now(UTC)
     wish = {
-        "condition": {"kind": "time", "at": (now + timedelta(seconds=2)).isoformat()},
+        "condition": {"kind": "time", "at": (now + timedelta(seconds=in_s)).isoformat()},
         "expires_at": (now + timedelta(minutes=5)).isoformat(),
     }
     sent = await client.post(f"/api/plans/{plan}/schedule", json=wish)
@@ -114,10 +115,14 @@ async def scheduled(client):
     return plan, sent.json()["id"]
 
 
-async def test_a_scheduled_send_waits_while_automation_is_held_and_goes_on_after(person, world):
+async def test_a_scheduled_send_waits_while_automation_is_held_and_goes_on_after(
+    station: OpenStation, person, world, hours
+):
     ann = await person("ann")
-    _, send = await scheduled(ann)
+    _, send = await scheduled(ann, in_s=60.0)
     await hold(ann, reason="look first")
+    hours.passed_s = 61.0
+    station.foundation.services.get(Schedule).wake(MINI)
 
     async def said() -> bool:
         sends = (await ann.get(f"/api/robots/{MINI}/schedule")).json()["sends"]

@@ -48,7 +48,7 @@ async def test_sample_that_comes_twice_is_stored_once_and_acknowledged_again(
 @pytest.fixture
 def locked(tmp_path):
     """Another program that holds the write lock; closing it sets the database free."""
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     yield other
     other.close()
 
@@ -280,8 +280,9 @@ async def test_a_heard_tag_is_acknowledged_once_it_is_stored(station, foundation
 
 
 async def test_an_impossible_heard_tag_is_acknowledged_and_not_stored(station, foundation, world):
+    world.frame(MINI, b"the detection")
     world.tell(heard_tag(position_ned=(900.0, 0.5, 0.2)))
-    await until(lambda: world.acknowledged or station.ingest.flush())
+    await until(lambda: world.acknowledged == [(MINI, 1, 500)])
     assert station.fleet.status(MINI).refused == 1
     assert await count(foundation, DetectionRow) == 0
 

@@ -215,7 +215,11 @@ async def test_surfacing_that_a_killed_station_had_not_told_is_told_by_the_next(
         assert [one.data["by"] for one in found if one.kind == SURFACED] == [None]
 
 
-async def test_robot_that_is_heard_as_soon_as_a_station_runs_again_was_not_silent(tmp_path, world):
+async def test_robot_that_is_heard_as_soon_as_a_station_runs_again_was_not_silent(
+    tmp_path, world, monkeypatch
+):
+    monkeypatch.setattr("server.link.moments._SILENCE", timedelta(hours=1))
+
     async def kinds(station):
         found = await station.foundation.store.query(newest_events)
         return [one.kind for one in found]

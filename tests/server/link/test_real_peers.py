@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 import sys
 from contextlib import asynccontextmanager, suppress
 from types import SimpleNamespace
@@ -12,9 +13,9 @@ from autonomy.frames import wgs84_from_ned
 from autonomy.site import LAKE
 from server.access.role import Role
 from server.link.radios import open_link
+from tests.free_port import free_port
 from tests.robot_link.test_mavsdk import ROOT
 from tests.server.conftest import api_client, open_station, until
-from tests.simulator.test_sub import free_port
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
 
@@ -80,13 +81,12 @@ class Router(asyncio.DatagramProtocol):
 @asynccontextmanager
 async def router_to(station_port):
     """Yield the port at which vehicles call the router."""
-    port = free_port()
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: Router(station_port), local_addr=("127.0.0.1", port)
+        lambda: Router(station_port), local_addr=("127.0.0.1", 0)
     )
     try:
-        yield port
+        yield transport.get_extra_info("sockname")[1]
     finally:
         transport.close()
 
@@ -152,7 +152,7 @@ def place_1e7(place_ne_m=PLACE_NE_M):
 
 
 async def test_a_submarine_of_mavutil_is_shown_and_comes_up_when_it_says_so(tmp_path):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     async with (
         peer("mavutil_peer", port, 41, *place_1e7()) as submarine,
         station_for(tmp_path, port, 41) as client,
@@ -193,7 +193,7 @@ async def test_a_submarine_of_mavutil_is_shown_and_comes_up_when_it_says_so(tmp_
 
 
 async def test_a_vehicle_of_mavsdk_is_shown_and_comes_up_by_a_mode_of_px4(tmp_path):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     latitude, longitude = wgs84_from_ned(PLACE_NE_M, *ORIGIN)
     url = f"udpout://127.0.0.1:{port}"
     async with (
@@ -216,7 +216,7 @@ async def test_a_vehicle_of_mavsdk_is_shown_and_comes_up_by_a_mode_of_px4(tmp_pa
 
 
 async def test_a_second_vehicle_that_calls_under_one_system_id_is_alarmed_and_not_shown(tmp_path):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     async with (
         station_for(tmp_path, port, 41) as client,
         peer("mavutil_peer", port, 41, *place_1e7()),
@@ -233,7 +233,7 @@ async def test_a_second_vehicle_that_calls_under_one_system_id_is_alarmed_and_no
 
 
 async def test_two_vehicles_behind_one_router_under_one_system_id_are_alarmed(tmp_path):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     async with (
         station_for(tmp_path, port, 41) as client,
         router_to(port) as routed,
@@ -246,13 +246,13 @@ async def test_two_vehicles_behind_one_router_under_one_system_id_are_alarmed(tm
 
 
 async def test_a_second_robot_under_the_system_id_of_a_vehicle_is_refused(tmp_path):
-    async with station_for(tmp_path, free_port(), 41) as client:
+    async with station_for(tmp_path, free_port(socket.SOCK_DGRAM), 41) as client:
         body = {
             "id": "other-2",
             "name": "other-2",
             "protocol": "mavlink",
             "system_id": 41,
-            "links": [f"udp://127.0.0.1:{free_port()}?listen=1"],
+            "links": [f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?listen=1"],
             "site": LAKE.model_dump(mode="json"),
         }
         answer = await client.post("/api/robots", json=body)

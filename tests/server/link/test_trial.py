@@ -9,14 +9,9 @@ import pytest
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.messages import SystemId
 from server.access.role import Role
+from tests.free_port import free_port
 from tests.robot_link.far_end import heartbeat
 from tests.server.conftest import api_client
-
-
-def free_port():
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 @asynccontextmanager
@@ -49,7 +44,7 @@ async def tried(client, uri, system=None, status=200, seconds=0.5):
     [(7, "Heard system 7"), (None, "Heard system 7"), (9, "but not system 9")],
 )
 async def test_who_is_heard_is_named_with_the_age(client, wanted, words):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     async with calling(port, 7):
         for seconds in (0.5, 2.0, 8.0):
             uri = f"udp://127.0.0.1:{port}?listen=1"
@@ -64,7 +59,7 @@ async def test_who_is_heard_is_named_with_the_age(client, wanted, words):
 
 
 async def test_a_system_id_that_a_robot_has_already_is_named(client):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     async with calling(port, 2):
         for seconds in (0.5, 2.0, 8.0):
             told = await tried(client, f"udp://127.0.0.1:{port}?listen=1", 7, seconds=seconds)

@@ -1,6 +1,7 @@
 """Waypoints to the simulated submarine by REST: on board only when every item was read back."""
 
 import asyncio
+import socket
 from contextlib import asynccontextmanager
 from types import SimpleNamespace
 
@@ -22,8 +23,8 @@ from server.link.waypoints import (
 from simulator.sub.autopilot import MODES
 from simulator.sub.definition import SUB_1
 from simulator.sub.endpoint import SubVehicle
+from tests.free_port import free_port
 from tests.server.conftest import api_client, open_station, until
-from tests.simulator.test_sub import free_port
 
 
 def place(north_m, east_m, depth_m):
@@ -36,7 +37,7 @@ MISSION = [place(160.0, 120.0, 3.0), place(170.0, 120.0, 6.0), place(170.0, 130.
 @asynccontextmanager
 async def afloat(tmp_path):
     """A station with a real link, and the submarine that it has added."""
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     transport = open_transport(f"udp://127.0.0.1:{port}?listen=1")
     vehicle = SubVehicle(SUB_1, transport, SystemClock())
     life = asyncio.create_task(vehicle.run())
@@ -127,20 +128,18 @@ async def test_an_upload_that_the_station_did_not_outlive_is_not_known(station):
 async def test_a_cancelled_upload_is_not_known_until_the_mission_is_read(tmp_path, monkeypatch):
     path = "/api/robots/sub-1/waypoints"
     async with afloat(tmp_path) as (client, _):
-        real = Radios.upload_waypoints
+        real, has_all = Radios.upload_waypoints, asyncio.Event()
 
         async def goes_on(radios, robot, items, report):
             await real(radios, robot, items, report)
+            has_all.set()
             await asyncio.Event().wait()
 
         monkeypatch.setattr(Radios, "upload_waypoints", goes_on)
         begun = await client.put(path, json={"waypoints": MISSION})
         job = f"/api/jobs/{begun.json()['id']}"
-
-        async def has_all():
-            return (await client.get(job)).json()["progress"] >= 0.9
-
-        await until(has_all)
+        await until(has_all.is_set)
+        assert (await client.get(job)).json()["progress"] >= 0.9
         assert (await client.get(path)).json()["state"] == "uploading"
         assert (await client.delete(job)).is_success
         await ended(client, begun)

@@ -23,7 +23,7 @@ import sys
 from datetime import timedelta
 from pathlib import Path
 
-from server.map import field_maps, smoothing
+from server.map import field_maps, learning, smoothing
 from server.plan import install as plan
 from tests.server.conftest import MINI, open_station, until
 from tests.server.dive import begin_of, dive
@@ -41,6 +41,10 @@ async def stop_at_the_second(self, robot, begin, fix):
 
 async def stay_cold(*_):
     pass
+
+
+async def keep_nothing(*_):
+    await asyncio.sleep(600.0)  # it learns until it is killed, however fast it is
 
 
 async def main():
@@ -61,6 +65,7 @@ async def main():
 plan.warm_up = stay_cold
 field_maps.QUIET_S, smoothing.ROWS_PER_LOOK = 0.1, 40
 smoothing.Smoothing._look_from = stop_at_the_second
+learning.MapLearning._keep = keep_nothing
 asyncio.run(main())
 """
 

@@ -47,6 +47,15 @@ async def mapped(station, count, robot=MINI):
     await until(there)
 
 
+async def opened(station):
+    """Wait until the map is made with the newest settings."""
+
+    async def is_newest():
+        return station.maps.version(MINI) == (await versions(station))[0].id
+
+    await until(is_newest)
+
+
 async def versions(station, robot=MINI):
     return await station.foundation.store.query(
         lambda session: configuration_history(session, "field", robot)
@@ -70,6 +79,7 @@ async def test_what_is_learned_becomes_a_version_and_the_map_is_made_anew(
     client, station, world, in_threads
 ):
     await client.patch("/api/config/field?robot=mini-1", json={"model": "single"})
+    await opened(station)
     tell_samples(world, 60)
     await mapped(station, 60)
     before = station.maps.group(MINI).config
@@ -160,7 +170,7 @@ async def test_learning_that_is_cut_off_leaves_things_as_they_were(
 async def test_station_learns_by_itself_between_dives(client, station, world, in_threads):
     learning = {"online": True, "least_new_samples": 25}
     await client.patch("/api/config/field?robot=mini-1", json={"learning": learning})
-    await until(lambda: (map_ := station.maps.group(MINI)) and map_.config.learning.online)
+    await opened(station)
     looked = []
     station.foundation.bus.subscribe(
         DivesSmoothed,

@@ -136,7 +136,7 @@ async def settled(here: NoticeStation) -> None:
         return await seen()
 
     wakeups.next = watch
-    async with asyncio.timeout(30.0):
+    async with asyncio.timeout(120.0):
         for _ in range(2):  # the first ends a round that may have begun before
             wakeups.wake()
             await begun.acquire()

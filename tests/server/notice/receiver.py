@@ -99,7 +99,7 @@ class WebService:
         writer.write(f"HTTP/1.1 {status}\r\nContent-Length: {len(text)}\r\n\r\n".encode() + text)
         await writer.drain()
 
-    async def until_taken(self, count: int = 1, timeout_s: float = 30.0) -> list[Taken]:
+    async def until_taken(self, count: int = 1, timeout_s: float = 120.0) -> list[Taken]:
         """Wait until so many requests were taken."""
         async with asyncio.timeout(timeout_s):
             while len(self.taken) < count:
@@ -107,7 +107,7 @@ class WebService:
                 await self.news.wait()
         return self.taken
 
-    async def until_called(self, count: int = 1, timeout_s: float = 30.0) -> None:
+    async def until_called(self, count: int = 1, timeout_s: float = 120.0) -> None:
         """Wait until so many requests came, whatever became of them."""
         async with asyncio.timeout(timeout_s):
             while self.calls < count:

@@ -57,6 +57,7 @@ async def test_a_watcher_that_does_not_answer_is_an_alarm_until_it_does(
         await until(lambda: own_alarms(here))
         assert service.url not in own_alarms(here)[0].text
         service.mode = "take"
+        monkeypatch.setattr(module, "PATIENCE_S", 60.0)
         assert (await beating(here).beat()).is_heard
         assert all(alarm.cleared_at for alarm in own_alarms(here))
 

@@ -66,6 +66,12 @@ async def leak(here: NoticeStation) -> dict[str, object] | None:
     return told[0] if told[0]["state"] == "handed" else None
 
 
+async def are_handed(here: NoticeStation) -> bool:
+    """Tell whether it is kept that services took the leak's notices, of everybody who was told."""
+    states = [one["state"] for one in await here.told() if "It leaks." in one["title"]]
+    return states == ["handed", "handed"]
+
+
 def those_of(service: WebService, told: dict[str, object]) -> list[Taken]:
     """Return what a service took of one notice; on a slow machine it may be told of more."""
     return [one for one in service.taken if one.headers["idempotency-key"] == told["id"]]
@@ -159,12 +165,13 @@ async def test_an_escalation_goes_on_where_it_was_and_tells_nobody_twice(
     async with web_service() as first, web_service() as on:
         async with doomed(tmp_path, first, "kept", on.url) as child:
             await is_kept(child, "notice.handed")
-        moving[0] = timedelta(minutes=9)
+        moving[0] = timedelta(minutes=5)
         async with notice_station(tmp_path, world) as here:
             await move(here, moving, minutes=0)
             assert about(on, "It leaks.") == []
-            await move(here, moving, minutes=2)
+            await move(here, moving, minutes=6)
             called = await until(lambda: next(iter(about(on, "It leaks.")), None))
+            await until(lambda: are_handed(here))
         assert "Nobody has acknowledged this yet." in words(called)
         async with notice_station(tmp_path, world) as here:
             await move(here, moving, minutes=60)

@@ -13,6 +13,7 @@ from server.base.job import JobWork
 from server.base.worker import WorkerTaskError
 from server.plan import machine_code
 from server.plan.machine_code import MachineCode
+from tests.server.conftest import until
 
 SEARCH = warm_up.search_step("information_gain")
 
@@ -67,11 +68,12 @@ async def test_a_search_waits_with_a_sentence_until_its_kernels_are_compiled(cod
     said: list[str] = []
     await code.prepare()
     waiting = asyncio.create_task(code.wait_for(SEARCH, said.append))
-    for step in (warm_up.FLIGHT[0], SEARCH):
-        assert not waiting.done()
-        Pool.steps.put_nowait(step)
-        await asyncio.sleep(0.01)
-    await asyncio.wait_for(waiting, 1.0)
+    await until(lambda: len(said) == 1)
+    Pool.steps.put_nowait(warm_up.FLIGHT[0])
+    await until(lambda: len(said) == 2)
+    assert not waiting.done()
+    Pool.steps.put_nowait(SEARCH)
+    await asyncio.wait_for(waiting, 60.0)
     count = len(warm_up.STEPS)
     assert said == [f"Preparing the planner: {done} of {count} kernels" for done in (0, 1)]
     assert code._jobs.said[-1] == f"Preparing the planner: 2 of {count} kernels"
@@ -83,7 +85,7 @@ async def test_nobody_waits_for_kernels_that_could_not_be_compiled_ahead(code: M
     await code.prepare()
     waiting = asyncio.create_task(code.wait_for(SEARCH, lambda _: None))
     Pool.steps.put_nowait(WorkerTaskError("no compiler"))
-    await asyncio.wait_for(waiting, 1.0)
+    await asyncio.wait_for(waiting, 60.0)
     with pytest.raises(machine_code.JobError, match="no compiler"):
         await code._jobs.task
 
@@ -94,4 +96,4 @@ async def test_nothing_is_begun_where_all_is_compiled(
     monkeypatch.setattr(warm_up, "is_complete", lambda: True)
     await code.prepare()
     assert code._jobs.task is None
-    await asyncio.wait_for(code.wait_for(SEARCH, pytest.fail), 1.0)
+    await asyncio.wait_for(code.wait_for(SEARCH, pytest.fail), 60.0)

@@ -55,8 +55,10 @@ async def silent(client, robot):
     return await until(is_predicted)
 
 
-async def test_robot_that_lies_afloat_is_predicted_to_drift_and_judged_by_its_fix(client, world):
-    said = datetime.now(UTC) - HOUR
+async def test_robot_that_lies_afloat_is_predicted_to_drift_and_judged_by_its_fix(
+    client, world, still
+):
+    said = still - HOUR
     world.tell(state_report(GRACE, (200.0, 300.0, 0.0), at=said, position_std_m=1.5))
     world.tell(believed(GRACE, said))
     found = await silent(client, GRACE)
@@ -71,7 +73,7 @@ async def test_robot_that_lies_afloat_is_predicted_to_drift_and_judged_by_its_fi
     state = await get(client, GRACE, "state")
     assert state["position"]["ned_m"][:2] == [200.0, 300.0], "what the robot said stays its word"
     found_at = (now["north_m"] + 20.0, now["east_m"], 0.0)
-    world.tell(state_report(GRACE, found_at, position_std_m=1.5))
+    world.tell(state_report(GRACE, found_at, at=still, position_std_m=1.5))
     (one,) = (await judged(client, GRACE))["predictions"]
     assert one["is_inside"]
     assert one["miss_m"] == pytest.approx(20.0, abs=1.0)

@@ -1,13 +1,16 @@
 """A station in a process of its own that imports a table, and says on its output how far it is.
 
-    python -m tests.server.recording.doomed_import DATA_DIR
+    python -m tests.server.recording.doomed_import DATA_DIR [BLOCKS]
 
 It prints the upload's name, a line for each block of rows that it has written into its
-transaction, and one when the transaction is committed. Whoever reads that kills it.
+transaction, and one when the transaction is committed. After so many blocks, if they are given, it
+stands still. Whoever reads that kills it.
 """
 
 import asyncio
+import itertools
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +39,16 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-async def main(folder: Path) -> None:
-    """Live until the import is over."""
+async def main(folder: Path, blocks: int = 0) -> None:
+    """Live until the import is over, or stand still once so many blocks are written."""
     insert, learn = imported.insert_samples, foreign.learn_maps
+    count = itertools.count(1)
 
     def told(session: Any, samples: Any) -> None:
         insert(session, samples)
         say("rows")
+        if next(count) == blocks:
+            threading.Event().wait()
 
     async def committed(*args: Any, **named: Any) -> Any:
         say("committed")
@@ -62,4 +68,4 @@ async def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Path(sys.argv[1])))
+    asyncio.run(main(Path(sys.argv[1]), *map(int, sys.argv[2:])))

@@ -65,7 +65,7 @@ async def of_other_seed(station, decision):
 async def test_plans_are_made_the_same_once_more_and_whatever_was_changed_shows(
     client, station, monkeypatch
 ):
-    plan = await begun(client, planning_time_s=2.0)
+    plan = await begun(client, planning_time_s=5.0)
 
     async def is_draft():
         return (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"

@@ -33,7 +33,7 @@ def table(rows, shift=0.0, broken=()):
 
 async def ended(client, answer):
     assert answer.status_code == 202, answer.text
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(200):
         while True:
             job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
             if job["state"] not in {"queued", "running"}:

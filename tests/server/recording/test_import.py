@@ -44,7 +44,7 @@ async def import_file(client, text, robot="eva", **form):
         files={"file": ("dive.csv", io.BytesIO(text.encode()))},
     )
     assert answer.status_code == 202, answer.text
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(200):
         while True:
             job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
             if job["state"] not in {"queued", "running"}:

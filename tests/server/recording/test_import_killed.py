@@ -19,10 +19,14 @@ ROOT = Path(__file__).parents[3]
 BLOCKS = ROWS // BATCH_ROWS
 
 
-def killed_after(folder, lines, wait_s):
-    """Kill an importing station some time after so many lines; return its upload."""
+def killed_after(folder, lines, wait_s, held_after):
+    """Kill an importing station some time after so many lines; return its upload.
+
+    After ``held_after`` blocks it stands still; 0 for never.
+    """
     child = subprocess.Popen(
-        [sys.executable, "-m", "tests.server.recording.doomed_import", str(folder)],
+        [sys.executable, "-m", "tests.server.recording.doomed_import",
+         str(folder), str(held_after)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
@@ -45,8 +49,9 @@ async def test_an_import_whose_station_is_killed_is_whole_or_absent(tmp_path, mo
         "at the commit": (BLOCKS, float(random.uniform(0.0, 0.3)), {0, ROWS}),
         "among the maps": (BLOCKS + 1, float(random.uniform(0.0, 0.5)), {ROWS}),
     }[moment]
+    held_after = lines if moment == "among the rows" else 0
     sys.stdout.write(f"killed after {lines} lines and {wait_s} s\n")
-    upload = killed_after(tmp_path, lines, wait_s)
+    upload = killed_after(tmp_path, lines, wait_s, held_after)
     async with running(tmp_path) as app, signed_in(app) as client:
         store = app.state.foundation.store
         with store.read() as session:

@@ -152,7 +152,7 @@ async def test_the_command_line_says_whether_journal_and_rows_agree(folder, tmp_
     def run(*words, **environment):
         return subprocess.run(
             [*grace, *words, "--data", str(folder)],
-            cwd=root, capture_output=True, text=True, timeout=60,
+            cwd=root, capture_output=True, text=True, timeout=200,
             env={**os.environ, **environment},
         )  # fmt: skip
 

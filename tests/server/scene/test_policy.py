@@ -33,8 +33,11 @@ async def test_the_page_of_a_scene_runs_under_its_policy(client, address, statio
     scene = await station.foundation.services.get(SceneHost).scene(GRACE)
     said: list[str] = []
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        browser = await playwright.chromium.launch(
+            executable_path=CHROMIUM, args=FLAGS, timeout=120_000
+        )
         page = await browser.new_page()
+        page.set_default_timeout(120_000)
         page.on("console", lambda message: said.append(message.text))
         await page.goto(f"http://{address}/sign-in?token={issued.secret}")
         await page.goto(f"http://{address}/view/{GRACE}/?framed=true")

@@ -27,7 +27,7 @@ async def test_station_that_is_killed_as_it_sends_goes_on_and_sends_once(tmp_pat
         cwd=ROOT,
         stdout=asyncio.subprocess.PIPE,
     )
-    said, _ = await asyncio.wait_for(doomed.communicate(), 120)
+    said, _ = await asyncio.wait_for(doomed.communicate(), 200)
     assert doomed.returncode == -signal.SIGKILL
     plan, send = said.decode().split()
     store = Store.open(Settings(data_dir=tmp_path).resolved_database_url)

@@ -11,8 +11,10 @@ from db.query.station.events import newest_events
 from robot_link.messages import LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
 from server.base import wakeups
+from server.base.event_bus import EventLogged
 from server.base.worker import WorkerPool, WorkerTaskError
 from server.lease.hold import AutomationHold
+from server.link.moments import SURFACED
 from server.schedule.replan import opportunity, suggestions
 from server.schedule.replan.problem import Judged, SuggestionFound, SuggestionProblem
 from tests.server.conftest import FAST, GRACE, MINI, api_client, open_station, until
@@ -99,6 +101,18 @@ def surface(world, leg=2):
     robot.leg = leg
     robot.say(OnboardPlanState.RUNNING)
     world.tell(state_report(MINI, (1.2, 0.6, 0.0), mode=RobotMode.SURFACED))
+
+
+async def surface_and_be_heard(station, world, leg=2):
+    """Surface, and wait until the station has decided whether to suggest something for that."""
+    told = asyncio.Event()
+    station.foundation.bus.subscribe(
+        EventLogged, lambda one: told.set() if one.event.kind == SURFACED else None
+    )
+    surface(world, leg)
+    await told.wait()
+    name = f"suggestion for {MINI}"
+    await until(lambda: name not in {task.get_name() for task in asyncio.all_tasks()})
 
 
 async def suggestion(client, robot=MINI):
@@ -251,14 +265,15 @@ async def test_in_a_dive_it_is_for_the_next_surfacing_and_the_dive_counts_for_bo
     assert problem.survey.start_xy == pytest.approx(tuple(legs[3]["end_ned"][:2]))
 
 
-async def test_surfacing_is_reason_enough_and_the_settings_can_forbid_it(client, world, workers):
+async def test_surfacing_is_reason_enough_and_the_settings_can_forbid_it(
+    client, station, world, workers
+):
     await set_automation(client, suggestions="asked")
     await flying(client, world)
     dive(world)
     await until(lambda: _state(client, "closed"))
-    surface(world)
-    await until(lambda: _is_counted(client))
-    await asyncio.sleep(0.5)
+    await surface_and_be_heard(station, world)
+    assert (await suggestion(client))["state"] == "none"
     assert workers.asked == []
     await set_automation(client, suggestions="offered")
     dive(world, leg=2)
@@ -276,8 +291,8 @@ async def test_surfacing_is_no_occasion_while_automation_is_held(client, station
     dive(world)
     await until(lambda: _state(client, "closed"))
     await switch.set(held=True, by="ann")
-    surface(world)
-    await until(lambda: _state(client, "open"))
+    await surface_and_be_heard(station, world)
+    assert (await suggestion(client))["state"] == "none"
     assert workers.asked == []
     await switch.set(held=False, by="ann")
     dive(world, leg=2)

@@ -60,7 +60,7 @@ class Case:
 def case_of(vehicle: str, site: Site, budget: float, near_m: float) -> Case:
     preset = planner_preset(vehicle, site.kind)
     config = PlannerConfig.model_validate(
-        preset.model_dump() | {"domain": site.domain, "planning_time_s": 120.0, "search": SEARCH}
+        preset.model_dump() | {"domain": site.domain, "planning_time_s": 600.0, "search": SEARCH}
     )
     field, box = field_preset(site), site.domain
     here = (

@@ -36,6 +36,7 @@ from tests.server.storage.test_pruning import config, prune
 
 def rest_and_say(pace, took_s, rows, rest=Pace.rest_after):
     print("transaction", flush=True)
+    sys.stdin.readline()  # it goes no further than it may
     rest(pace, took_s, rows)
 
 
@@ -54,20 +55,20 @@ def killed_pass(url, folder, transactions, more_s):
     Returns:
         Whether it had ended before.
     """
-    child = subprocess.Popen(
-        [sys.executable, "-c", CHILD, url, str(folder)], stdout=subprocess.PIPE, text=True
-    )
-    for _ in range(transactions):
-        line = child.stdout.readline()
-        assert line in {"transaction\n", "ends\n"}
-        if line == "ends\n":
-            break
-    time.sleep(more_s)
-    os.kill(child.pid, signal.SIGKILL)
-    has_ended = line == "ends\n" or "ends" in child.stdout.read()
-    child.stdout.close()
-    child.wait()
-    return has_ended
+    with subprocess.Popen(
+        [sys.executable, "-c", CHILD, url, str(folder)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as child:  # fmt: skip
+        child.stdin.write("\n" * (transactions + 2))
+        child.stdin.flush()
+        for _ in range(transactions):
+            line = child.stdout.readline()
+            assert line in {"transaction\n", "ends\n"}
+            if line == "ends\n":
+                break
+        time.sleep(more_s)
+        os.kill(child.pid, signal.SIGKILL)
+        return line == "ends\n" or "ends" in child.stdout.read()
 
 
 def kept_in(store):

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import threading
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -67,6 +68,24 @@ def flown() -> Recording:
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     return flown()
+
+
+@pytest.fixture
+def go_on(monkeypatch) -> threading.Event:
+    """While it is cleared, searches go no further than their third iteration."""
+    go_on, run = threading.Event(), identification_task.run
+
+    def held(task, report, is_cancelled):
+        def report_and_wait(news):
+            report(news)
+            while news.iteration >= 3 and not go_on.wait(0.02) and not is_cancelled():
+                pass
+
+        return run(task, report_and_wait, is_cancelled)
+
+    go_on.set()
+    monkeypatch.setattr(identification_task, "run", held)
+    return go_on
 
 
 def reports(recording, **changes):
@@ -175,14 +194,18 @@ async def test_a_search_finds_what_differs_and_becomes_a_vehicle(client, station
     assert "identification.accepted" in {event["kind"] for event in events}
 
 
-async def test_a_search_that_was_called_off_goes_on_to_the_same_result(client, station, recording):
+async def test_a_search_that_was_called_off_goes_on_to_the_same_result(
+    client, station, recording, go_on
+):
     body = await deployed(station, recording)
     config = {**SLOW, "iterations": 80, "particles": 10}
     straight = await ended(client, await start(client, body, config))
+    go_on.clear()
     begun = await start(client, body, config)
     await checkpointed(client, begun)
     answer = await client.post(f"/api/identifications/{begun['id']}/cancel")
     assert answer.json()["state"] == "cancelled"
+    go_on.set()
     resumed = await client.post(f"/api/identifications/{begun['id']}/resume")
     assert resumed.status_code == 202
     assert resumed.json()["id"] != begun["job"]

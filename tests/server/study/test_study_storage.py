@@ -21,6 +21,10 @@ def recording():
     return searches.flown()
 
 
+go_on = searches.go_on
+"""Fixture of the searches' own tests."""
+
+
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch):
     monkeypatch.setattr(study, "RETRY_S", 0.02)
@@ -81,10 +85,11 @@ async def test_a_run_that_was_called_off_while_nothing_could_be_kept_is_cancelle
 
 
 async def test_a_search_that_was_called_off_while_nothing_could_be_kept_goes_on_later(
-    client, station, recording, monkeypatch
+    client, station, recording, monkeypatch, go_on
 ):
     body = await searches.deployed(station, recording)
     config = {**searches.SLOW, "iterations": 80, "particles": 10}
+    go_on.clear()
     begun = await searches.start(client, body, config)
     await searches.checkpointed(client, begun)
     path = f"/api/identifications/{begun['id']}"
@@ -95,6 +100,7 @@ async def test_a_search_that_was_called_off_while_nothing_could_be_kept_goes_on_
         assert "is cancelled already" in again.json()["detail"]
         refused = await client.post(f"{path}/resume")
         assert refused.status_code == 503
+    go_on.set()
     resumed = await client.post(f"{path}/resume")
     assert resumed.status_code == 202
     found = await searches.ended(client, begun)
@@ -102,14 +108,16 @@ async def test_a_search_that_was_called_off_while_nothing_could_be_kept_goes_on_
 
 
 async def test_a_checkpoint_that_fits_no_longer_is_dropped_and_the_search_begins_anew(
-    client, station, recording
+    client, station, recording, go_on
 ):
     body = await searches.deployed(station, recording)
-    config = {**searches.SLOW, "iterations": 200, "particles": 10}
+    config = {**searches.SLOW, "iterations": 80, "particles": 10}
+    go_on.clear()
     begun = await searches.start(client, body, config)
     await searches.checkpointed(client, begun)
     path = f"/api/identifications/{begun['id']}"
     await client.post(f"{path}/cancel")
+    go_on.set()
     late = state_report(MINI, at=searches.BEGIN + timedelta(seconds=10.1))
     await asyncio.wrap_future(station.foundation.store.append([late]))
     await client.post(f"{path}/resume")

@@ -26,7 +26,8 @@ SHORT = {
     "runs": 2,
     "disturbance": {"net_buoyancy_error_kg": 0.002},
 }
-LONG = {"duration_s": 600.0, "runs": 200}
+LONG = {"duration_s": 2000.0, "runs": 200}
+"""It takes a minute on a fast machine."""
 TWO = [{"kind": "controller.backstepping"}, {"kind": "controller.pid", "title": "Mine"}]
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState
 from server.base.worker import WorkerTaskError
+from server.plan import ahead as planned_ahead
 from server.plan.task import MAP_STD
 from server.survey import step as survey_step
 from server.survey.map_quality import SurveyMaps
@@ -48,7 +49,27 @@ async def has_draft_ahead(client, mission):
     return await until(drafted)
 
 
-async def test_next_round_is_planned_on_the_last_leg_and_flown_as_it_is(client, world, workers):
+async def let_the_first_search_go_on(workers):
+    """Wait until the search after it is asked for, which waits."""
+    await until(lambda: workers.problems)
+    workers.may_plan.set()
+    workers.may_plan.clear()
+    await until(lambda: len(workers.problems) == 2)
+
+
+async def survey_that_searches_ahead(client, world, workers, **config):
+    """Return a survey whose robot flies its last leg while the search for the next round waits."""
+    world.robots[MINI].may_end.clear()
+    workers.may_plan.clear()
+    mission = await survey(client, **config)
+    await let_the_first_search_go_on(workers)
+    return mission
+
+
+async def test_next_round_is_planned_on_the_last_leg_and_flown_as_it_is(
+    client, world, workers, monkeypatch
+):
+    monkeypatch.setattr(planned_ahead, "MARGIN_S", -FAST["planning_time_s"])  # by no time before
     robot = world.robots[MINI]
     robot.may_end.clear()
     mission = await survey(client, total_budget=20.0)
@@ -140,10 +161,9 @@ async def test_search_ahead_that_the_station_broke_off_is_taken_up_again(tmp_pat
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
         world.tell(current_report(MINI))
         world.robots[MINI].may_end.clear()
-        mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
-        await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING)
         workers.may_plan.clear()
-        await until(lambda: len(workers.problems) == 2)
+        mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
+        await let_the_first_search_go_on(workers)
     workers.may_plan.set()
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
@@ -239,16 +259,13 @@ async def test_exploitation_follows_its_schedule_and_is_kept_in_each_plan(client
 
 
 async def test_plan_ahead_that_fails_is_made_after_the_flight(client, world, workers):
-    robot = world.robots[MINI]
-    robot.may_end.clear()
-    mission = await survey(client)
-    await until(lambda: robot.state is OnboardPlanState.RUNNING)
+    mission = await survey_that_searches_ahead(client, world, workers)
     workers.nothing_feasible = True
-    await until(lambda: len(workers.problems) == 2)
+    workers.may_plan.set()
     failed = await mission_when(client, mission, lambda one: one["ahead"] is None)
     assert failed["state"] == "running"
     workers.nothing_feasible = False
-    robot.may_end.set()
+    world.robots[MINI].may_end.set()
     done = await mission_when(client, mission, lambda one: one["state"] == "done")
     assert {entry["state"] for entry in done["rounds"]} == {"done"}
     assert len(workers.problems) == 3
@@ -257,12 +274,10 @@ async def test_plan_ahead_that_fails_is_made_after_the_flight(client, world, wor
 async def test_rest_of_the_budget_that_nothing_can_be_flown_with_ends_a_survey(
     client, world, workers
 ):
-    robot = world.robots[MINI]
-    robot.may_end.clear()
-    mission = await survey(client, total_budget=20.0)
-    await until(lambda: robot.state is OnboardPlanState.RUNNING)
+    mission = await survey_that_searches_ahead(client, world, workers, total_budget=20.0)
     workers.nothing_feasible = True
-    robot.may_end.set()
+    workers.may_plan.set()
+    world.robots[MINI].may_end.set()
     done = await mission_when(client, mission, lambda one: one["state"] in {"done", "failed"})
     assert done["state"] == "done"
     assert done["message"].startswith("The 8.25 energy units that are left are too little")
@@ -270,12 +285,10 @@ async def test_rest_of_the_budget_that_nothing_can_be_flown_with_ends_a_survey(
 
 
 async def test_full_round_that_cannot_be_planned_fails_a_survey(client, world, workers):
-    robot = world.robots[MINI]
-    robot.may_end.clear()
-    mission = await survey(client, total_budget=40.0)
-    await until(lambda: robot.state is OnboardPlanState.RUNNING)
+    mission = await survey_that_searches_ahead(client, world, workers, total_budget=40.0)
     workers.nothing_feasible = True
-    robot.may_end.set()
+    workers.may_plan.set()
+    world.robots[MINI].may_end.set()
     failed = await mission_when(client, mission, lambda one: one["state"] in {"done", "failed"})
     assert failed["state"] == "failed"
     assert "too shallow" in failed["message"]

@@ -7,7 +7,7 @@ import pytest
 
 from autonomy.planner.config import PlannerConfig
 from robot_link.messages import OnboardPlanState
-from server.base.worker import WorkerEndedError
+from server.base.worker import WorkerEndedError, WorkerPool
 from server.plan.task import PLAN_SURVEY
 from tests.server.conftest import FAST, MINI, until
 from tests.server.fake_link import current_report
@@ -217,9 +217,12 @@ async def test_plan_of_a_survey_under_way_is_not_exchanged(client, workers, worl
     assert refused.status_code == 409
 
 
-async def test_killed_planning_process_leaves_the_draft_that_it_searched_on_from(client, station):
+async def test_killed_planning_process_leaves_the_draft_that_it_searched_on_from(
+    client, station, workers, monkeypatch
+):
     """A real process, killed in the middle of its search."""
-    old = await drafted(client, search={"iterations_max": 0}, planning_time_s=0.5)
+    old = await drafted(client, search={"iterations_max": 0})
+    monkeypatch.setattr(WorkerPool, "run", workers.run_really)
     body = {"planning_time_s": 60.0}
     before = (await client.get(f"/api/plans/{old['id']}")).json()
     new = (await client.post(f"/api/plans/{old['id']}/continue", json=body)).json()["id"]

@@ -15,7 +15,10 @@ from db.query.measured.maps import newest_maps
 from db.query.measured.samples import sample_columns
 from db.query.station.events import newest_events
 from robot_link.messages import OnboardPlanState
+from server.link.ingest import Ingest
+from server.plan.search.decided import SURVEY_ROUND
 from server.survey import step as survey_step
+from server.survey.map_quality import SurveyMaps
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.fake_link import current_report, state_report
 
@@ -26,6 +29,14 @@ PLANNING_S = 240.0
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch):
+    """A round counts as received once what its robot said is kept, however long that takes."""
+    settle = SurveyMaps.settle
+
+    async def settle_when_kept(maps, *args):
+        await maps._foundation.services.get(Ingest).settle()
+        await settle(maps, *args)
+
+    monkeypatch.setattr(SurveyMaps, "settle", settle_when_kept)
     monkeypatch.setattr(survey_step, "QUIET_S", 0.3)
 
 
@@ -272,12 +283,24 @@ async def test_draft_that_its_robot_drifted_away_from_is_not_shown_as_ready(
     assert again["message"] == ready["message"]
 
 
-async def test_progress_and_best_objective_travel_in_the_live_stream(client, station):
+async def test_progress_and_best_objective_travel_in_the_live_stream(client, station, monkeypatch):
     texts = []
 
     async def keep(text):
         texts.append(text)
 
+    def told():
+        return any('"objective":' in text and '"candidates":' in text for text in texts)
+
+    make = station.foundation.decisions.make
+
+    async def make_and_tell(kind, *args, **more):
+        found = await make(kind, *args, **more)
+        if kind is SURVEY_ROUND:
+            await until(told)  # of a search that took no time, too
+        return found
+
+    monkeypatch.setattr(station.foundation.decisions, "make", make_and_tell)
     follower = asyncio.create_task(station.feed.follow(keep, None, None))
     answer = await client.post(
         "/api/robots/mini-1/plans",
@@ -289,7 +312,6 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
         return (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
 
     await until(drafted, PLANNING_S)
-    assert any('"objective":' in text and '"candidates":' in text for text in texts)
     found = (await client.get(f"/api/plans/{plan}")).json()
     assert found["objective_unit"] == "nat"
     assert found["history"][-1]["objective"] >= found["searched_objective"] - 1e-6

@@ -60,7 +60,7 @@ async def test_second_robot_is_planned_for_after_the_first_and_counts_its_plan(
 
 async def test_robots_of_a_site_plan_with_the_samples_of_all(client, station, pair, world, workers):
     world.robots[MINI].sample((1.0, 0.5, 0.2))
-    await until(lambda: station.fleet.status(MINI).samples)
+    await station.ingest.settle()
     answer = await ask(client, SECOND)
     await mission_in(client, answer.json()["missions"][0]["mission"], "ready")
     assert workers.problems[0].samples.points.tolist() == [[1.0, 0.5, 0.2]]

@@ -1,7 +1,6 @@
 """A station that is started before its database's server waits, says so, and then works."""
 
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ import httpx
 import pytest
 
 from server.system.database_wait import WaitingPage
+from tests.free_port import free_port
 from tests.postgresql_server import postgresql_server
 
 ROOT = Path(__file__).parents[3]
@@ -36,12 +36,6 @@ def postgresql():
         if server is None:
             pytest.skip("this machine has no PostgreSQL server (apt-get install postgresql)")
         yield server
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def answer(port: int, path: str = "/api/health") -> httpx.Response | None:

@@ -117,6 +117,7 @@ async def flown_to_its_end(client, world, end):
     before = (await kept(client, 2))["reports"][-1]
     assert (before["reason"], before["text"]) == ("", "mini-1 follows its target no longer.")
     end(fake)
+    await plan_in(client, plan, "done", "failed")
     world.tell(now_report(phase=TargetPhase.ENDED))
     listed = (await kept(client, 3))["reports"]
     assert [one["reason"] for one in listed] == ["", *[listed[-1]["reason"]] * 2]

@@ -68,6 +68,7 @@ async def test_plan_is_not_sent_before_the_radio_took_a_byte(client, world):
     world.radio_takes = True
     world.refuse_upload = OnboardPlanState.FAILED
     world.may_upload.set()
+    world.may_upload.clear()  # the next attempt waits
     await plan_in(client, plan, "sent")
     assert (await client.get(f"/api/transfers/{transfer}")).json()["state"] == "sending"
 
@@ -330,8 +331,7 @@ async def test_plan_that_another_transaction_moves_is_told_once(client, station,
     world.may_upload.clear()
     plan = await draft(client)
     await upload(client, plan)
-    await until(lambda: world.uploads)
-    await plan_in(client, plan, "sent")
+    await until(lambda: station.fleet.status(MINI).plan.state == "sent")
     told = []
     station.foundation.bus.subscribe(PlanChanged, lambda event: told.append(event.plan))
     await station.commands.send(MINI, CommandKind.SURFACE, by="test")

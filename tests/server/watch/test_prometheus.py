@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.free_port import free_port
 from tests.server.conftest import MINI, StationClient, until
 from tests.server.watch.test_metrics import figures_of
 
@@ -84,9 +84,7 @@ def test_promtool_finds_no_fault_in_settings_and_alerts(tmp_path: Path):
 @pytest.fixture
 def prometheus(tmp_path: Path) -> Iterator[tuple[Path, str]]:
     """Where a Prometheus is told what to read, and its own address."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    address = f"127.0.0.1:{free_port()}"
     folder = tmp_path / "prometheus"
     folder.mkdir()
     (folder / "prometheus.yml").write_text("global: {scrape_interval: 1s}\n")

@@ -21,7 +21,7 @@ from simulator.fleet import MINI_1
 from simulator.process import serve
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
-from tests.server.access.test_oidc import free_port
+from tests.free_port import free_port
 from tests.server.conftest import until
 from tests.simulator.camera.test_stream import grey, watching
 
