@@ -16,12 +16,12 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from playwright.sync_api import CDPSession, Page
 from scipy.stats import theilslopes
 
 from benchmarks.station.endurance_flight import KeptFlying
 from benchmarks.station.endurance_sample import Sampler
-from tests.browser.walk import CHROMIUM, browser_page, chromium, expect_scene, open_page
+from benchmarks.station.plain_page import PlainPage, plain_page
+from tests.browser.walk import CHROMIUM
 from tests.e2e.demo import Demo
 
 MINUTES: Final = 72.0
@@ -77,26 +77,24 @@ def main(words: list[str]) -> int:
 
 def _left_running(data: Path, length_s: float) -> dict[str, Any]:
     options = ("--speed", f"{SPEED:g}", "--robots", ",".join(ROBOTS))
-    with Demo(data, *options) as demo, chromium() as browser, browser_page(browser, demo) as page:
+    with Demo(data, *options) as demo, plain_page(demo.sign_in_url) as page:
+        page.wait_for("location.pathname == '/' && document.body.innerText.includes('Live')")
         _share_session(page, demo)
-        open_page(page, demo, PAGE)
-        expect_scene(page)
+        page.open(f"{demo.url}{PAGE}")
+        page.wait_for_scene()
         flights = [KeptFlying(demo.client, robot) for robot in ROBOTS]
-        cdp = page.context.new_cdp_session(page)
-        cdp.send("Performance.enable")
-        sampler = Sampler(data, lambda: _heap(cdp))
-        return _watched(demo, page, flights, sampler, length_s)
+        return _watched(demo, flights, Sampler(data, page.heap), length_s)
 
 
-def _share_session(page: Page, demo: Demo) -> None:
+def _share_session(page: PlainPage, demo: Demo) -> None:
     """Let the client of the demo ask as the page does: the printed address opens one session."""
-    for cookie in page.context.cookies():
-        demo.client.cookies.set(cookie.get("name", ""), cookie.get("value", ""))
+    for name, value in page.cookies().items():
+        demo.client.cookies.set(name, value)
     demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
 
 
 def _watched(
-    demo: Demo, page: Page, flights: list[KeptFlying], sampler: Sampler, length_s: float
+    demo: Demo, flights: list[KeptFlying], sampler: Sampler, length_s: float
 ) -> dict[str, Any]:
     """Look and fly by turns until the time is over; return everything that was seen."""
     processes = demo.children()
@@ -114,15 +112,8 @@ def _watched(
             seen["flights"] = {flight.robot: flight.told() for flight in flights}
             OUTPUT.write_text(json.dumps(seen, indent=1) + "\n")
             next_s += SAMPLE_PERIOD_S
-        page.wait_for_timeout(1e3 * FLIGHT_PERIOD_S)
+        time.sleep(FLIGHT_PERIOD_S)
     return seen
-
-
-def _heap(cdp: CDPSession) -> dict[str, float]:
-    """Return what is left of the page's objects after garbage is collected."""
-    cdp.send("HeapProfiler.collectGarbage")
-    told = {one["name"]: one["value"] for one in cdp.send("Performance.getMetrics")["metrics"]}
-    return {"page_heap_mb": told["JSHeapUsedSize"] / 1e6, "page_nodes": told["Nodes"]}
 
 
 def judged(samples: list[dict[str, float]]) -> list[dict[str, Any]]:
