@@ -224,4 +224,4 @@ async def _started(settings: SimulatorSettings) -> AsyncGenerator[Process]:
         except TimeoutError:
             with suppress(ProcessLookupError):
                 process.kill()
-            await process.wait()
+        await process.communicate()

@@ -119,7 +119,7 @@ async def _watch(settings: SourceSettings, watch_s: float) -> Look:
     finally:
         with suppress(ProcessLookupError):
             child.kill()
-        await child.wait()
+        await child.communicate()
     return look
 
 

@@ -64,12 +64,12 @@ class CameraChild:
                 yield self._of_a_camera(message)
 
     async def end(self) -> None:
-        """End the process at once and wait until it is gone."""
+        """End the process at once and wait until it is gone, and its pipes are closed."""
         with contextlib.suppress(ProcessLookupError):
             self._process.kill()
         if self._process.stdin is not None:
             self._process.stdin.close()
-        await self._process.wait()
+        await self._process.communicate()
 
     def _of_a_camera(self, message: object) -> FromCamera:
         if isinstance(message, bytes):

@@ -77,7 +77,15 @@ class _Process:
             stderr=asyncio.subprocess.DEVNULL,
             limit=LINE_BYTES_MAX,
         )
-        if process.stdout is None or not await process.stdout.readline():
+        does_listen = False
+        try:
+            does_listen = process.stdout is not None and bool(await process.stdout.readline())
+        finally:
+            if not does_listen:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.communicate()
+        if not does_listen:
             raise ConnectionError("the sending process did not start")
         return cls(process)
 

@@ -59,7 +59,7 @@ async def peer(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
     finally:
         with suppress(ProcessLookupError):
             process.kill()
-        await process.wait()
+        await process.communicate()
 
 
 async def said(process: asyncio.subprocess.Process, key: str) -> dict[str, Any]:

@@ -315,5 +315,5 @@ async def test_a_killed_station_takes_its_cameras_along():
     process_id = int(await station.stdout.readline())
     assert alive(process_id)
     station.kill()
-    await station.wait()
+    await station.communicate()
     await until(lambda: not alive(process_id))

@@ -27,7 +27,7 @@ async def test_a_killed_station_loses_no_fix_that_it_told(tmp_path):
             lines = [await process.stdout.readline() for _ in range(TOLD)]
     finally:
         process.send_signal(signal.SIGKILL)
-        await process.wait()
+        await process.communicate()
     told = {datetime.fromisoformat(line.decode().strip()) for line in lines}
     store = Store.open(Settings(data_dir=tmp_path).resolved_database_url)
     try:

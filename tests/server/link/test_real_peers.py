@@ -60,7 +60,7 @@ async def peer(module, *arguments):
     finally:
         with suppress(ProcessLookupError):
             process.kill()
-        await process.wait()
+        await process.communicate()
 
 
 class Router(asyncio.DatagramProtocol):

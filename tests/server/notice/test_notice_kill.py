@@ -44,11 +44,12 @@ async def doomed(
         yield child
         if moment not in ("written", "answered"):
             child.kill()
-        assert await asyncio.wait_for(child.wait(), 200) == -signal.SIGKILL
+        await asyncio.wait_for(child.communicate(), 200)
+        assert child.returncode == -signal.SIGKILL
     finally:
         if child.returncode is None:
             child.kill()
-            await child.wait()
+            await child.communicate()
 
 
 async def is_kept(child: asyncio.subprocess.Process, event: str) -> None:

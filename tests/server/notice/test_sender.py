@@ -192,5 +192,5 @@ async def test_what_a_plugin_prints_is_no_answer():
     await process.stdin.drain()
     said = [await process.stdout.readline() for _ in range(2)]
     process.stdin.close()
-    await process.wait()
+    await process.communicate()
     assert said == [b"\n", b'{"number": 7}\n']
