@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.walk import CHROMIUM, SHOTS, browser_page, hold, open_page
-from tests.e2e.demo import Demo, Json
+from tests.e2e.demo import Demo, Json, dives_inside
 
 pytestmark = [
     pytest.mark.browser,
@@ -19,6 +19,8 @@ pytestmark = [
 ROBOT = "mini-1"
 WIDTHS = (1440, 900, 400)
 UNDER_WATER = ("diving", "gliding")
+CONFIG = {"max_uncertainty_m": 5.0, "total_budget": 80.0, "round_budget": 80.0}
+"""Of plans that no limit forbids, however far a robot near the edge swims inward first."""
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +47,11 @@ def plan_of(tank: Demo, plan: str) -> Json:
 
 
 def draft(tank: Demo, depths: tuple[float, ...]) -> str:
-    legs = [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in depths]
-    wish = {"kind": "primitives", "legs": legs, "config": {"max_uncertainty_m": 5.0}}
+    legs = dives_inside(tank, depths)
+    wish = {"kind": "primitives", "legs": legs, "config": CONFIG}
     made = tank.post(f"/api/robots/{ROBOT}/plans", wish)["id"]
     tank.wait("a draft", lambda: plan_of(tank, made)["state"] == "draft", 120.0)
+    assert plan_of(tank, made)["violations"] == []
     return made
 
 

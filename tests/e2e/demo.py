@@ -193,21 +193,25 @@ def fly_dives(demo: Demo, count: int, depth_m: float) -> str:
 
 
 def _dives(demo: Demo, count: int, depth_m: float) -> Json:
-    """Return the wish for a plan of dives of mini-1 where it is, with energy enough for any way.
+    """Return the wish for a plan of dives of mini-1 where it is, with energy enough for any way."""
+    legs = dives_inside(demo, [depth_m, 0.0] * count)
+    config = {
+        "total_budget": 80.0,
+        "round_budget": 80.0,
+        "mission": {"draft_distance_m": 1.0},
+    }
+    return {"kind": "primitives", "legs": legs, "config": config}
 
-    Where it drifted near the edge of its domain it swims inward first.
+
+def dives_inside(demo: Demo, depths_m: Sequence[float]) -> list[Json]:
+    """Return legs of mini-1 to depths, one after the other, where it is.
+
+    Where it drifted near the edge of its domain, which no dive may leave, it swims inward first.
     """
     place = demo.wait("a position", lambda: demo.get("/api/robots/mini-1/state")["position"], 60.0)
     north, east, _ = place["ned_m"]
     inside = [min(max(north, 0.4), 2.3), min(max(east, 0.4), 0.9)]
     is_near_edge = math.dist(inside, (north, east)) > 0.3
     here = inside if is_near_edge else [north, east]
-    down = {"kind": "dive", "end_ned": [*here, depth_m]}
-    up = {"kind": "dive", "end_ned": [*here, 0.0]}
     way = [{"kind": "swim", "end_ned": [*inside, 0.0]}] if is_near_edge else []
-    config = {
-        "total_budget": 80.0,
-        "round_budget": 80.0,
-        "mission": {"draft_distance_m": 1.0},
-    }
-    return {"kind": "primitives", "legs": [*way, *[down, up] * count], "config": config}
+    return [*way, *({"kind": "dive", "end_ned": [*here, depth_m]} for depth_m in depths_m)]
