@@ -25,6 +25,7 @@ from typing import Final
 from onboard.node.client import NodeClient
 from onboard.node.server import NodeServer
 from onboard.node.wire import NodeAddress
+from robot_link.child_process import kill_child
 from robot_link.messages import RobotId
 from simulator.background import alongside
 from simulator.fault_desk import FaultDesk
@@ -218,10 +219,7 @@ async def _started(settings: SimulatorSettings) -> AsyncGenerator[Process]:
     finally:
         with suppress(ProcessLookupError):
             process.terminate()
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(_STOP_LIMIT_S):
                 await process.wait()
-        except TimeoutError:
-            with suppress(ProcessLookupError):
-                process.kill()
-        await process.communicate()
+        await kill_child(process)

@@ -15,6 +15,7 @@ from onboard.node.camera import CameraWords, TagView
 from robot_link.camera.process import COMMAND
 from robot_link.camera.sighting import Sighting, SourceReport, SourceSettings
 from robot_link.camera.wire import CameraReader, CameraWireError, framed
+from robot_link.child_process import kill_child
 
 _BEGIN_AGAIN_S = 2.0
 _READ_BYTES = 65536
@@ -94,6 +95,4 @@ async def _ended(starting: asyncio.Future[asyncio.subprocess.Process]) -> None:
         async with asyncio.timeout(_END_S):
             await process.communicate()
             return
-    with suppress(ProcessLookupError):
-        process.kill()
-    await process.communicate()
+    await kill_child(process)

@@ -25,6 +25,7 @@ from robot_link.camera.sighting import (
     perimeter_px,
 )
 from robot_link.camera.wire import CameraReader, CameraWireError, FromCamera, ToCamera, framed
+from robot_link.child_process import kill_child
 
 OPENING_S: Final = 40.0
 """So long the process may take to load, and the camera to open."""
@@ -117,9 +118,7 @@ async def _watch(settings: SourceSettings, watch_s: float) -> Look:
     except (BrokenPipeError, ConnectionResetError):
         look.nonsense = "it ended by itself"
     finally:
-        with suppress(ProcessLookupError):
-            child.kill()
-        await child.communicate()
+        await kill_child(child)
     return look
 
 

@@ -8,6 +8,7 @@ from typing import Final
 from robot_link.camera.process import COMMAND
 from robot_link.camera.sighting import BoardView, Order, Sighting, SourceReport, SourceSettings
 from robot_link.camera.wire import CameraReader, CameraWireError, FromCamera, framed
+from robot_link.child_process import kill_child
 
 __all__ = ["COMMAND", "CameraChild"]
 _CHUNK_BYTES: Final = 1 << 18
@@ -65,11 +66,7 @@ class CameraChild:
 
     async def end(self) -> None:
         """End the process at once and wait until it is gone, and its pipes are closed."""
-        with contextlib.suppress(ProcessLookupError):
-            self._process.kill()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
-        await self._process.communicate()
+        await kill_child(self._process)
 
     def _of_a_camera(self, message: object) -> FromCamera:
         if isinstance(message, bytes):

@@ -9,6 +9,7 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from robot_link.child_process import kill_child
 from robot_link.clock import monotonic_s
 
 log = logging.getLogger(__name__)
@@ -82,9 +83,7 @@ class _Process:
             does_listen = process.stdout is not None and bool(await process.stdout.readline())
         finally:
             if not does_listen:
-                with contextlib.suppress(ProcessLookupError):
-                    process.kill()
-                await process.communicate()
+                await kill_child(process)
         if not does_listen:
             raise ConnectionError("the sending process did not start")
         return cls(process)
