@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple, cast
 
-from sqlalchemy import Table, bindparam, case, delete, func, insert, select, tuple_, update
+from sqlalchemy import Table, bindparam, case, delete, func, insert, or_, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
@@ -69,6 +69,24 @@ def insert_samples(session: Session, samples: Iterable[NewSample]) -> None:
     if rows:
         session.execute(insert(SampleRow), rows)
         _sum_up(session, SampleRollup, rows)
+        note_unsmoothed(session, ((row["log_key"], row["measured_at"]) for row in rows))
+
+
+def note_unsmoothed(session: Session, samples: Iterable[tuple[int, datetime]]) -> None:
+    """Note that smoothing has not looked at samples, of which log and time are given."""
+    first: dict[int, datetime] = {}
+    for log_key, at in samples:
+        first[log_key] = min(first.get(log_key, at), at)
+    known = cast("Table", SampleLog.__table__)
+    session.connection().execute(
+        update(known)
+        .where(
+            known.c.key == bindparam("of"),
+            or_(known.c.unsmoothed_from.is_(None), known.c.unsmoothed_from > bindparam("at")),
+        )
+        .values(unsmoothed_from=bindparam("at")),
+        [{"of": log_key, "at": at} for log_key, at in first.items()],
+    )
 
 
 def take_out(session: Session, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -38,6 +38,8 @@ class SampleLog(Base):
     log: Mapped[int] = mapped_column(BigInteger)
     received_at: Mapped[datetime]
     """When the newest of its samples came."""
+    unsmoothed_from: Mapped[datetime | None]
+    """When the first sample was taken that smoothing may not have looked at; None: it saw all."""
 
 
 class SampleRun(Base):

@@ -334,7 +334,7 @@ def _statements(past: list[Stay], dialect: str) -> Iterator[str]:
     source = _RECURSION if dialect == "sqlite" else _SERIES
     for log, stay in enumerate(past, start=1):
         heard, last = microseconds(stay.ends_at), len(FIELDS) * stay.seconds - 1
-        yield f"INSERT INTO sample_log VALUES ({log}, {stay.robot}, {stay.log}, {heard})"
+        yield f"INSERT INTO sample_log VALUES ({log}, {stay.robot}, {stay.log}, {heard}, NULL)"
         yield f"INSERT INTO sample_run VALUES ({log}, 0, {last})"
         told = {
             "begin": str(microseconds(stay.begins_at)),

@@ -25,8 +25,10 @@ from db.query.measured.smoothing import (
     TrackColumns,
     keep_smoothed,
     newest_fix,
+    newest_sample,
+    note_smoothed,
     track_columns,
-    unjudged_span,
+    unsmoothed_from,
 )
 from db.query.station.events import add_event
 from db.store import Store
@@ -157,10 +159,11 @@ class Smoothing:
             return None
         self._seen[robot] = fix
         if robot not in self._newest:
-            span = await self._store.query(lambda session: unjudged_span(session, robot))
-            if span is not None:
-                self._restore(robot, span[0])
-            self._newest.setdefault(robot, fix if span is None else span[1])
+            first = await self._store.query(lambda session: unsmoothed_from(session, robot))
+            newest = await self._store.query(lambda session: newest_sample(session, robot))
+            if first is not None:
+                self._restore(robot, first)
+            self._newest.setdefault(robot, newest or fix)
         pending = self._pending.get(robot)
         return fix if pending is not None and pending < fix else None
 
@@ -189,6 +192,7 @@ class Smoothing:
 
         def keep(session: Session) -> None:
             keep_smoothed(session, robot, places)
+            note_smoothed(session, robot, begin, fix if more is None else moment(more - 1))
             for one in untold:
                 text = one.text(robot)
                 add_event(session, at, "dive.smoothed", text, robot=robot, data=one.document())

@@ -14,8 +14,10 @@ from db.query.measured.smoothing import (
     SmoothedPlace,
     keep_smoothed,
     newest_fix,
+    newest_sample,
+    note_smoothed,
     track_columns,
-    unjudged_span,
+    unsmoothed_from,
 )
 from db.query.mission.studies import get_arrays, get_study, list_studies, replace_study
 from robot_link.messages import RobotId
@@ -92,12 +94,56 @@ def test_samples_of_two_robots_come_in_one_order_of_time(store):
     assert len(columns(store, ())) == 0
 
 
-def test_what_was_not_looked_at_is_known_from_the_rows_alone(store):
-    assert read(store, lambda session: unjudged_span(session, "mini-1")) is None
-    store.append([sample(i) for i in range(4)]).result(60)
-    assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(0), at(3))
-    write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(3)]))
-    assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(1), at(2))
+def unseen(store):
+    return read(store, lambda session: unsmoothed_from(session, "mini-1"))
+
+
+def look(store, begin, end, numbers):
+    """Keep what a look from one second to another found, as the station does."""
+
+    def keep(session):
+        keep_smoothed(session, "mini-1", [place(number) for number in numbers])
+        note_smoothed(session, "mini-1", at(begin), at(end))
+
+    write(store, keep)
+
+
+def test_what_was_not_looked_at_is_known_without_a_search(store):
+    assert unseen(store) is None
+    store.append([sample(i) for i in range(6)]).result(60)
+    assert unseen(store) == at(0)
+    look(store, 0, 3, range(4))
+    assert unseen(store) == at(4)
+    look(store, 4, 9, (4, 5))
+    assert unseen(store) is None
+    store.append([sample(5)]).result(60)
+    assert unseen(store) is None, "a sample that came again is none to look at"
+    store.append([sample(8)]).result(60)
+    assert unseen(store) == at(8)
+
+
+def test_sample_that_came_while_others_were_looked_at_is_looked_at_next(store):
+    store.append([sample(i) for i in (0, 1, 3, 4)]).result(60)
+    store.append([sample(2)]).result(60)
+    look(store, 0, 3, (0, 1, 3))
+    assert unseen(store) == at(2)
+    look(store, 2, 3, (2,))
+    assert unseen(store) == at(4)
+
+
+def test_earlier_sample_is_not_passed_over_by_a_look_that_began_after_it(store):
+    store.append([sample(i) for i in (5, 6)]).result(60)
+    store.append([sample(1)]).result(60)
+    look(store, 5, 7, (5, 6))
+    assert unseen(store) == at(1)
+    look(store, 1, 7, (1,))
+    assert unseen(store) is None
+
+
+def test_newest_sample_of_all_channels_is_found(store):
+    assert read(store, lambda session: newest_sample(session, "mini-1")) is None
+    store.append([sample(3), replace(sample(5), variable="salinity"), sample(4)]).result(60)
+    assert read(store, lambda session: newest_sample(session, "mini-1")) == at(5)
 
 
 def test_track_is_what_reports_and_samples_say_together(store):

@@ -149,10 +149,9 @@ def beside(session: Session, robot: str, at: datetime, kinds: Collection[str]) -
     first = at.replace(microsecond=at.microsecond // 1000 * 1000)
     last = first + timedelta(microseconds=999)
     measured = [(StateRow.measured_at, [StateRow.robot_key == key])]
-    if (
-        session.scalar(select(StateRow.measured_at).where(StateRow.robot_key == key).limit(1))
-        is None
-    ):
+    first_state = select(StateRow.measured_at).where(StateRow.robot_key == key)
+    # in the order of its key, or PostgreSQL looks for the first of them through all of the table
+    if session.scalar(first_state.order_by(StateRow.measured_at).limit(1)) is None:
         channels = session.scalars(select(ChannelRow.key)).all()
         measured = [
             (table.measured_at, [table.robot_key == key, table.channel_key == channel])

@@ -1,7 +1,8 @@
 """Tracks of finished dives, and where their samples were taken after all.
 
-Every sample that was taken before a fix and looked at since has a row in ``smoothed_sample``, also
-one that lay in no dive and stayed where it was: a sample without a row is one to look at.
+Every sample that was taken before a fix and looked at since has a row in ``smoothed_place``, also
+one that lay in no dive and stayed where it was: a sample without a row is one to look at. From when
+on there may be such is kept with each log, so that nobody has to search for them.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from sqlalchemy import BigInteger, func, literal, select, type_coerce
+from sqlalchemy import BigInteger, ColumnElement, Select, func, literal, select, type_coerce, update
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
@@ -63,18 +64,74 @@ class SmoothedPlace:
     position_std_m: float
 
 
-def unjudged_span(session: Session, robot: str) -> tuple[datetime, datetime] | None:
-    """Return when the first and the last sample were taken that smoothing has not looked at.
+def unsmoothed_from(session: Session, robot: str) -> datetime | None:
+    """Return when the first sample was taken that smoothing has not looked at, None: it saw all.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    count, first, last = session.execute(
-        select(func.count(), func.min(SampleRow.measured_at), func.max(SampleRow.measured_at))
+    return session.scalar(
+        select(func.min(SampleLog.unsmoothed_from)).where(
+            SampleLog.robot_key == robot_key(session, robot)
+        )
+    )
+
+
+def note_smoothed(session: Session, robot: str, begin: datetime, end: datetime) -> None:
+    """Note that smoothing looked at all samples from ``begin`` to ``end`` that have a place now.
+
+    One that came meanwhile has none: what is still to be looked at begins there. Nothing is noted
+    where an earlier one waits, which is looked at next.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    first = unsmoothed_from(session, robot)
+    if first is None or first < begin:
+        return
+    missed = (
+        select(func.min(SampleRow.measured_at))
         .outerjoin(SmoothedSample, is_smoothed())
-        .where(SampleRow.robot_key == robot_key(session, robot), SmoothedSample.sequence.is_(None))
-    ).one()
-    return (first, last) if count else None
+        .where(
+            SampleRow.robot_key == key,
+            _in_own_order(),
+            SampleRow.measured_at.between(begin, end),
+            SmoothedSample.sequence.is_(None),
+        )
+    )
+    rest = session.scalar(missed)
+    if rest is None:
+        after = _of_each_channel(key, func.min(SampleRow.measured_at))
+        first = after.where(SampleRow.measured_at > end).scalar_subquery()
+        rest = session.scalar(select(func.min(first)).select_from(ChannelRow))
+    session.execute(
+        update(SampleLog)
+        .where(SampleLog.robot_key == key, SampleLog.unsmoothed_from.is_not(None))
+        .values(unsmoothed_from=rest)
+    )
+
+
+def newest_sample(session: Session, robot: str) -> datetime | None:
+    """Return when a robot took its newest sample that is kept.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    newest = _of_each_channel(key, func.max(SampleRow.measured_at)).scalar_subquery()
+    return session.scalar(select(func.max(newest)).select_from(ChannelRow))
+
+
+def _of_each_channel(key: int, extreme: ColumnElement[Any]) -> Select[Any]:
+    """Return what one step along the table's own order finds, for each row of the channels."""
+    own = (SampleRow.robot_key == key, SampleRow.channel_key == ChannelRow.key)
+    return select(extreme).where(*own).correlate(ChannelRow)
+
+
+def _in_own_order() -> ColumnElement[bool]:
+    """Name channels one by one: each is one range of the table's own order."""
+    return SampleRow.channel_key.in_(select(ChannelRow.key))
 
 
 def newest_fix(session: Session, robot: str, before: datetime | None = None) -> datetime | None:
@@ -133,8 +190,7 @@ def track_columns(
     ).join(SampleLog, SampleLog.key == SampleRow.log_key)
     samples = samples.where(
         SampleRow.robot_key == key,
-        # Named one by one: each is one range of the table's own order.
-        SampleRow.channel_key.in_(select(ChannelRow.key)),
+        _in_own_order(),
         SampleRow.measured_at <= end,
     )
     if start is not None:

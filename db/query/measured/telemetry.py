@@ -294,7 +294,9 @@ def state_past(
 
 def _is_kept(session: Session, series: Series) -> bool:
     """Tell whether there is any value of a series."""
-    return session.scalar(select(series.at).where(*series.where).limit(1)) is not None
+    # in the order of its key, or PostgreSQL looks for the first of them through all of the table
+    first = select(series.at).where(*series.where).order_by(series.at).limit(1)
+    return session.scalar(first) is not None
 
 
 def _reading_series(robot_key: int, channel: str) -> Series:

@@ -24,6 +24,7 @@ from sqlalchemy.orm import Session
 from db.camera_tables import CameraCalibrationRow
 from db.column import Utc, moment
 from db.ingest import insert_new
+from db.map_tables import SmoothedSample
 from db.migrate import METADATA
 from db.query.storage.prunable import (
     BESIDE_SAMPLES,
@@ -33,7 +34,7 @@ from db.query.storage.prunable import (
     of_time,
 )
 from db.query.storage.taking import Row, note_back, sum_up_again
-from db.sample_ingest import channel_keys, claim
+from db.sample_ingest import channel_keys, claim, note_unsmoothed
 from db.sample_tables import FINE_S, ChannelRow, SampleLog
 from db.state_sums import sum_up_late
 from db.storage_tables import NOBODY
@@ -175,6 +176,7 @@ def put_back(
         back += new
     if kind.key == "samples":
         _claim_numbers(session, plain_rows)
+        _note_unsmoothed(session, plain_rows)
         for one in BESIDE_SAMPLES:
             _put_beside(session, one, plain_rows)
     if kind.key == "states":
@@ -197,6 +199,15 @@ def _claim_numbers(session: Session, rows: Sequence[Row]) -> None:
         numbers[row["log_key"]].add(row["sequence"])
     for log_key, of_log in numbers.items():
         claim(session, log_key, sorted(of_log))
+
+
+def _note_unsmoothed(session: Session, rows: Sequence[Row]) -> None:
+    """Note that smoothing has not looked at samples that come without a smoothed place."""
+    place = f"{SmoothedSample.__tablename__}.north_mm"
+    bare = [row for row in rows if row.get(place) is None]
+    if bare:
+        at = ((row["log_key"], moment(row["measured_at"])) for row in bare)
+        note_unsmoothed(session, at)
 
 
 def _put_beside(session: Session, beside: type[Base], rows: Sequence[Row]) -> None:

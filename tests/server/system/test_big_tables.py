@@ -22,6 +22,8 @@ BIG = (
     *("smoothed_place", "sample_rollup", "reading_rollup", "state_rollup", "event"),
 )
 """Tables that grow with what robots say, by a row a minute of a robot or faster."""
+CHANNELS = ("depth_m", "temperature", "internal_pressure")
+"""One of the states, one that is sampled, and one that is read."""
 _NO_PAGE = ("/api/live", "/export")
 """A stream, and files of all that there is."""
 _SIZES = re.compile(
@@ -56,10 +58,12 @@ def statements() -> Iterator[Statements]:
 def unbounded(connection, statement, parameters) -> list[str]:
     """Return the steps of a statement that read all of a big table, or all that a robot has in it.
 
-    A step is bounded by a range of its key, or because it goes along its key and stops early.
+    A step is bounded by a range of its key, or because it goes along its key and stops early; of a
+    statement that names no order PostgreSQL may look for the first row through all of the table.
     """
     plan = [row[3] for row in connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters)]
-    stops = "LIMIT" in statement and not any("TEMP B-TREE FOR ORDER" in step for step in plan)
+    is_ordered = re.search(r"ORDER BY.*LIMIT", statement, re.DOTALL) is not None
+    stops = is_ordered and not any("TEMP B-TREE FOR ORDER" in step for step in plan)
     ends = re.match(r"SELECT (min|max)\([^()]*\)( AS \w+)?\s+FROM", statement) is not None
     return [
         f"{step} of {' '.join(statement.split())}"
@@ -70,7 +74,6 @@ def unbounded(connection, statement, parameters) -> list[str]:
 
 def addresses(document, known: dict[str, str]) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield every GET of the document whose parameters are known, with what it must be asked."""
-    asked = {"channel": "depth_m", "at": known["at"]}
     for path, of_path in document["paths"].items():
         names = set(re.findall(r"{(\w+)}", path))
         if "get" not in of_path or not names <= known.keys() or path.endswith(_NO_PAGE):
@@ -78,8 +81,10 @@ def addresses(document, known: dict[str, str]) -> Iterator[tuple[str, dict[str, 
         needed = {
             one["name"] for one in of_path["get"].get("parameters", []) if one["in"] == "query"
         }
-        query = {name: value for name, value in asked.items() if name in needed}
-        yield path.format(**known), query
+        for channel in CHANNELS if "channel" in needed else ("",):
+            asked = {"channel": channel, "at": known["at"]}
+            query = {name: value for name, value in asked.items() if name in needed}
+            yield path.format(**known), query
 
 
 def whole_reads(database, noted: Statements) -> set[str]:
