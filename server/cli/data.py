@@ -1,15 +1,18 @@
 """Where verbs work: a data folder with its database and clock, or a running station by REST."""
 
 import os
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 from typing import Any
 
 import httpx
 from pydantic import ValidationError
 
+from db.care import sqlite_file
 from db.engine import shown_url
 from db.fault import StoreError
 from db.migrate import NewerSchemaError
@@ -65,11 +68,21 @@ def open_store(settings: Settings, *, is_held: bool = False) -> Generator[Store]
         is_held: Whether this process holds the folder already.
     """
     folder = settings.data_dir
+    fresh: Path | None = None
     try:
         make_data_folder(folder)
+        fresh = _missing_file(settings)
         alone = nullcontext() if is_held else hold_data_folder(folder)
-        store = Store.open(settings.resolved_database_url, alone=alone)
+        if fresh is None:
+            store = Store.open(settings.resolved_database_url, alone=alone)
+        else:
+            with alone:  # nothing is made beside a station whose database is another one
+                store = Store.open(settings.resolved_database_url)
     except DataFolderTakenError as error:
+        if fresh is not None:
+            raise CommandError(
+                f"{error} It has no database at {fresh}: give GRACE_DATABASE_URL as it was given."
+            ) from error
         raise CommandError(
             f"{error} Its database has another schema than this version needs: let this version "
             "take over with `grace upgrade`, or use the version that runs."
@@ -78,12 +91,20 @@ def open_store(settings: Settings, *, is_held: bool = False) -> Generator[Store]
         raise CommandError(str(error)) from error
     except (StoreError, NewerSchemaError) as error:
         raise CommandError(f"{shown_url(settings.resolved_database_url)}: {error}") from error
+    if fresh is not None:
+        print(f"There was no database: a new one is at {fresh}.", file=sys.stderr)
     try:
         yield store
     except (StoreError, Problem) as error:
         raise CommandError(str(error)) from error
     finally:
         store.close()
+
+
+def _missing_file(settings: Settings) -> Path | None:
+    """Return the file of a SQLite database that is not there yet, or holds nothing."""
+    file = sqlite_file(settings.resolved_database_url)
+    return None if file is None or (file.exists() and file.stat().st_size) else file
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import pwd
 import stat
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -29,15 +30,34 @@ def make_data_folder(folder: Path) -> None:
     """Create the folder if need be, for its user alone; an earlier one is closed to others.
 
     Raises:
-        DataFolderError: If it cannot be created or written.
+        DataFolderError: If it cannot be created or written, or this is root and another user's.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _refuse_root_at_others(folder)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise _unusable(folder, error) from error
     _close_to_others(folder)
+
+
+def _refuse_root_at_others(folder: Path) -> None:
+    """Keep root from making files that the station, which runs as the folder's user, cannot read.
+
+    Raises:
+        DataFolderError: If this is root, and the folder another user's.
+    """
+    owner = folder.stat().st_uid
+    if os.geteuid() == 0 != owner:
+        try:
+            name = pwd.getpwuid(owner).pw_name
+        except KeyError:
+            name = f"{owner}"
+        raise DataFolderError(
+            f"The data folder {folder} belongs to the user {name}, who could not read what root "
+            f"makes in it: do this as {name}, such as by `runuser -u {name} -- grace ...`."
+        )
 
 
 def _unusable(folder: Path, error: OSError) -> DataFolderError:

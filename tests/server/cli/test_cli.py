@@ -198,6 +198,31 @@ def others_may(path):
     return path.stat().st_mode & 0o077
 
 
+def test_a_verb_says_that_it_made_the_database(folder, capsys):
+    file = folder / "station.sqlite3"
+    for said in (f"There was no database: a new one is at {file}.\n", ""):
+        assert grace("user", "list", "--data", folder) == 0
+        assert capsys.readouterr().err == said
+
+
+def test_beside_a_station_that_has_another_database_a_verb_makes_none(folder, capsys):
+    with hold_data_folder(folder):
+        assert grace("token", "create", "--role", "viewer", "--data", folder) == 1
+    told = capsys.readouterr()
+    assert "give GRACE_DATABASE_URL" in told.err
+    assert told.out == ""
+    assert not (folder / "station.sqlite3").exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="this is not root")
+def test_root_makes_nothing_in_the_folder_of_another_user(folder, capsys):
+    folder.mkdir()
+    os.chown(folder, 65534, 65534)
+    assert grace("user", "list", "--data", folder) == 1
+    assert f"The data folder {folder} belongs to the user" in capsys.readouterr().err
+    assert list(folder.iterdir()) == []
+
+
 def test_what_a_verb_keeps_is_for_its_user_alone(folder, tmp_path, capsys):
     mask = os.umask(0o022)
     try:
