@@ -32,10 +32,20 @@ _STATM: Final = "/proc/{}/statm"
 _PAGE_BYTES: Final = 4096
 
 
+class _ProcessFigures(ProcessCollector):
+    """Figures of this process, also where it sees nothing of ``/proc`` but processes.
+
+    So it is as a service (``ProcSubset=pid``), which hides the file that the base class reads.
+    """
+
+    def _boot_time(self) -> float:
+        return time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 def register(foundation: Foundation) -> None:
     """Have every part of the foundation tell its figures."""
     metrics = foundation.metrics
-    ProcessCollector(registry=metrics.registry)
+    _ProcessFigures(registry=metrics.registry)
     started_s = time.time()
     metrics.add(lambda: _build(started_s))
     metrics.add(lambda: _storage(foundation))

@@ -1,11 +1,14 @@
 """What Prometheus reads of a station."""
 
 import asyncio
+import time
 from collections.abc import Callable
+from functools import partialmethod
 from pathlib import Path
 
 import httpx
 import pytest
+from prometheus_client import ProcessCollector
 from prometheus_client.parser import text_string_to_metric_families
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -72,6 +75,21 @@ async def test_a_scrape_tells_the_parts_of_the_station(client: StationClient):
     assert figures["grace_writer_fault", ()] == 0.0
     assert figures["grace_database_size_bytes", ()] > 0.0
     assert not [name for name, _ in figures if name == "grace_metrics_failures_total"]
+
+
+async def test_the_process_is_told_of_where_only_processes_are_seen_of_proc(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    proc = tmp_path / "proc"  # as ProcSubset=pid of systemd leaves it
+    proc.mkdir()
+    (proc / "self").symlink_to("/proc/self")
+    begin = ProcessCollector.__init__
+    monkeypatch.setattr(ProcessCollector, "__init__", partialmethod(begin, proc=str(proc)))
+    async with running(tmp_path, metrics_on_loopback=True) as app, client_of(app) as anyone:
+        figures = await scraped(anyone)
+    assert figures["process_resident_memory_bytes", ()] > 0.0
+    assert figures["process_open_fds", ()] > 0.0
+    assert 0.0 < figures["process_start_time_seconds", ()] <= time.time()
 
 
 async def test_requests_are_counted_by_the_template_of_their_route(client: StationClient):
