@@ -118,6 +118,12 @@ class Shelf:
         """
         if not self.folder.is_dir():
             raise BackupError(f"There is no folder {self.folder} on the station's machine.")
+        if os.statvfs(self.folder).f_flag & os.ST_RDONLY:
+            raise BackupError(
+                f"{self.folder} is read-only for the station. A service of systemd writes only "
+                f"where its unit says: put ReadWritePaths={self.folder} into its [Service] by "
+                "`systemctl edit grace`, and start it again."
+            )
         if not os.access(self.folder, os.W_OK | os.X_OK):
             raise BackupError(f"The station may not write in {self.folder}.")
 

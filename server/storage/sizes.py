@@ -278,7 +278,7 @@ def _folders(data: Path) -> tuple[dict[str, int], _Disk]:
 def _lies_on_disk_of(data: Path, url: str) -> bool:
     """Tell whether a database is known to lie on the data folder's disk."""
     file = sqlite_file(url)
-    return file is not None and file.stat().st_dev == data.stat().st_dev
+    return file is not None and file.resolve().parent.stat().st_dev == data.stat().st_dev
 
 
 def _bytes_below(folder: Path) -> int:

@@ -1,6 +1,7 @@
 """A station that backs itself up: by a schedule, at once, called off, failing, and told."""
 
 import asyncio
+import os
 import stat
 import threading
 from datetime import timedelta
@@ -15,6 +16,7 @@ from server.backup.backups import FAILED, OLD
 from server.backup.failure import BackupError
 from server.backup.key import PrivateKey
 from server.backup.restoring import restore_backup
+from server.backup.shelf import Shelf
 from server.base.event_bus import JobChanged
 from tests.server.backup.conftest import BackedUp, Wall, backed_up, fatten
 from tests.server.conftest import until
@@ -114,6 +116,14 @@ async def test_what_lies_in_the_folder_of_others_stays(here):
     await ended(here, await here.back_up())
     await until_there_are(here, 1)
     assert len(here.files()) == 4
+
+
+def test_a_folder_that_the_service_sees_read_only_is_refused_with_what_to_do(tmp_path, monkeypatch):
+    told = os.statvfs(tmp_path)
+    read_only = os.statvfs_result((*told[:8], told.f_flag | os.ST_RDONLY, told.f_namemax))
+    monkeypatch.setattr("os.statvfs", lambda _: read_only)
+    with pytest.raises(BackupError, match=f"ReadWritePaths={tmp_path}"):
+        Shelf(tmp_path, "a1b2c3").check()
 
 
 async def test_a_backup_that_fails_is_an_alarm_until_one_is_good(here):
