@@ -48,9 +48,8 @@ GOING_BACK = re.search(
 MACHINE = f"""
 set -e
 systemctl() {{ :; }}
-sudo() {{ shift 2; "$@"; }}
 install() {{ command install -d -m 700 "${{@: -1}}"; }}
-grace() {{ {sys.executable} -m server.cli "$@"; }}
+grace() {{ GRACE_DATA_DIR=/var/lib/grace {sys.executable} -m server.cli "$@"; }}
 """
 """Stands for a machine with a service and its user."""
 LINE_BYTES_PER_S = 11_520.0
@@ -447,9 +446,7 @@ def test_the_way_back_that_the_page_tells_leads_to_the_old_schema_with_all_that_
     (data / "bridge.journal").write_text("after")
 
     assert GOING_BACK is not None
-    script = MACHINE + GOING_BACK[1].replace("/opt/grace/1/bin/grace", "grace").replace(
-        "/var/lib/grace", str(data)
-    )
+    script = (MACHINE + GOING_BACK[1]).replace("/var/lib/grace", str(data))
     done = subprocess.run(
         ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=False,
         timeout=LIMIT_S,

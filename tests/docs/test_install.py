@@ -7,6 +7,7 @@ import pytest
 
 from server.base.settings import Settings
 from server.cli.main import main
+from server.cli.option import TOKEN_VARIABLE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/install.md").read_text()
@@ -20,6 +21,7 @@ GRACE = [
     for line in COMMANDS
     if re.search(r"bin/grace |^grace ", line)
 ]
+SETTINGS = [f"GRACE_{name.upper()}" for name in Settings.model_fields]
 TOLD = [*GRACE, *(code.removeprefix("grace ") for code in re.findall(r"`(grace [^`]+)`", PAGE))]
 
 
@@ -32,7 +34,24 @@ def test_files_that_are_copied_exist():
 def test_settings_that_are_named_exist():
     files = "".join((ROOT / "deploy" / name).read_text() for name in ("grace.env", "Containerfile"))
     named = set(re.findall(r"\bGRACE_([A-Z][A-Z_]+)\b", PAGE + files))
-    assert {name.lower() for name in named} <= set(Settings.model_fields)
+    assert {f"GRACE_{name}" for name in named} <= {*SETTINGS, TOKEN_VARIABLE}
+
+
+def test_every_setting_is_listed():
+    (table,) = re.findall(r"## Settings\n(.*?)\n## ", PAGE, re.DOTALL)
+    listed = re.findall(r"`([A-Z_]+)`", table)
+    assert sorted(f"GRACE_{name}" for name in listed) == sorted(SETTINGS)
+
+
+def test_a_shell_and_systemd_read_the_settings_alike():
+    """What is no plain word stands in single quotes, in lines that wait to be chosen as well."""
+    lines = [
+        line.removeprefix("#").partition("=")[2]
+        for line in (ROOT / "deploy/grace.env").read_text().splitlines()
+        if re.match(r"#?GRACE_", line)
+    ]
+    assert len(lines) > 6
+    assert [line for line in lines if not re.fullmatch(r"[\w./:-]+|'[^']+'", line)] == []
 
 
 @pytest.mark.parametrize("told", sorted(set(TOLD)))
