@@ -65,7 +65,7 @@ class SigningMarks:
     """No frame was ever sent with a stamp beyond this one."""
     streams: Mapping[Stream, int] = field(default_factory=dict)
     """Stamps up to which nothing of a stream is taken after a restart; a little beyond the newest
-    one that was, so that not every frame has to be marked."""
+    one that was, so that not every frame has to be marked. An end in order leaves the newest."""
 
 
 class SigningMemory(Protocol):
@@ -206,6 +206,11 @@ class Signing:
         verdict = self._judge(frame)
         self.counts[verdict] += 1
         return verdict
+
+    def settle(self) -> None:
+        """Mark exactly what was taken, once no more is heard: who goes on takes the next one."""
+        self._marked = {stream: window.newest for stream, window in self._windows.items()}
+        self._save()
 
     def _judge(self, frame: bytes) -> Verdict:
         if not frame[INCOMPATIBLE] & SIGNED or len(frame) < SIGNATURE_BYTES:

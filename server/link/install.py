@@ -1,5 +1,7 @@
 """Puts the capability together."""
 
+import asyncio
+
 from robot_link.transport.shelf import Shelf
 from server.access.subject import Subjects
 from server.base.event_bus import ChannelsChanged
@@ -74,6 +76,7 @@ def install(foundation: Foundation, make_link: LinkFactory, shelf: Shelf) -> Non
     async def stop() -> None:
         await ranging.stop()
         ingest.flush()
+        await asyncio.to_thread(signing.settle)
 
     _acknowledge(foundation, radios)
     _tell_pages(foundation)

@@ -35,6 +35,11 @@ class RobotSigning:
         self._decisions[robot] += 1
         self._known.pop(robot, None)
 
+    def settle(self) -> None:
+        """Keep exactly which frames were taken, where no more are heard. It writes to the disk."""
+        for signing in self._known.values():
+            signing.settle()
+
     def __call__(self, robot: RobotId) -> Signing | None:
         """Return how frames of a robot are signed; ``None`` where it has no signing key.
 

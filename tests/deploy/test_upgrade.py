@@ -25,11 +25,14 @@ from alembic import command
 
 from db.engine import write_engine
 from db.migrate import configuration, migrate, schema_version
+from robot_link.clock import SystemClock
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import Codec
+from robot_link.mavlink.signing import MemorySigningMemory, Signing
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LogId
 from robot_link.sample_log import Measurement
+from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.cli.http_server import LAST_REQUEST_S
 from server.cli.service.preparation import prepare
@@ -142,10 +145,14 @@ def until(condition):
 
 
 class Robot:
-    """Sends numbered samples at the full rate of its link, each once, and waits for no answer."""
+    """Sends numbered samples at the full rate of its link, each once, and waits for no answer.
 
-    def __init__(self, system, bytes_per_s, send):
-        self._codec = Codec(system, 1)
+    They are signed, as those of robots are unless somebody decides otherwise.
+    """
+
+    def __init__(self, system, bytes_per_s, send, key):
+        signing = Signing(key, MemorySigningMemory(), SystemClock())
+        self._codec = Codec(system, 1, signing)
         self._bytes_per_s = bytes_per_s
         self._send = send
         self.sent = 0
@@ -237,11 +244,15 @@ class Caller:
 
 
 def numbers_stored(data, carrier):
-    """Return the numbers of all samples that came over a kind of link, in the order of storage."""
+    """Return the numbers of the samples of robots over a kind of link, in the order of storage.
+
+    What their signatures did not prove is nobody's, and not among them.
+    """
     with sqlite3.connect(f"file:{data / 'station.sqlite3'}?mode=ro", uri=True) as database:
         heard = database.execute(
-            "SELECT data FROM raw_frame WHERE NOT outgoing AND carrier = ? ORDER BY key", (carrier,)
-        ).fetchall()
+            "SELECT data FROM raw_frame WHERE NOT outgoing AND carrier = ? AND robot_key NOTNULL"
+            " ORDER BY key", (carrier,)
+        ).fetchall()  # fmt: skip
     codec = Codec(255, 190)
     return [
         message.sequence
@@ -303,8 +314,8 @@ def station(tmp_path, line, port, systemd):
     udp = f"udp://127.0.0.1:{port}?listen=1"
     for robot, system, link in (("eva", 21, f"serial://{line[1]}"), ("ben", 22, udp)):
         added = run(
-            "robot", "add", robot, "--system", system, "--link", link, "--unsigned", "--model",
-            "miniglider", "--water", "test-tank", "--data", data,
+            "robot", "add", robot, "--system", system, "--link", link, "--model", "miniglider",
+            "--water", "test-tank", "--data", data,
         )  # fmt: skip
         assert added.returncode == 0, added.stderr
     said = tmp_path / "log"
@@ -326,13 +337,18 @@ def robots(station, line, port):
     """Robots that talk, by the kind of their link; each has been heard."""
     data = station[0]
     given_up = threading.Event()
+    keys = SecretStore(data / "secret")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         talking = {
             "serial": Robot(
-                21, LINE_BYTES_PER_S, lambda frame: write_whole(line[0], frame, given_up)
+                21, LINE_BYTES_PER_S, lambda frame: write_whole(line[0], frame, given_up),
+                keys.signing_key("eva"),
             ),
-            "udp": Robot(22, UDP_BYTES_PER_S, lambda f: out.sendto(f, ("127.0.0.1", port))),
-        }
+            "udp": Robot(
+                22, UDP_BYTES_PER_S, lambda f: out.sendto(f, ("127.0.0.1", port)),
+                keys.signing_key("ben"),
+            ),
+        }  # fmt: skip
         until(lambda: all(len(numbers_stored(data, carrier)) > 20 for carrier in talking))
         yield talking
         given_up.set()

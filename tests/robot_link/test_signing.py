@@ -129,6 +129,21 @@ def test_nothing_is_taken_or_stamped_twice_over_a_restart(tmp_path: Path, crashe
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+def test_after_an_end_in_order_the_next_frame_is_taken_and_none_twice(tmp_path: Path):
+    clock = SetClock()
+    sender = robot(signing(clock=clock))
+    memory = FileSigningMemory(tmp_path / "marks.json")
+    taken: list[bytes] = []
+    for _ in range(3):
+        receiver = signing(memory=memory, clock=clock)
+        assert {receiver.check(frame) for frame in taken} <= {Verdict.REPLAYED}
+        for _ in range(20):
+            clock.at += timedelta(seconds=0.1)
+            taken.append(sender.pack(heartbeat()))
+            assert receiver.check(taken[-1]) is Verdict.GOOD
+        receiver.settle()
+
+
 def test_a_fast_demo_marks_no_oftener_than_life_does(tmp_path: Path):
     class Counted(MemorySigningMemory):
         saved = 0
