@@ -33,6 +33,8 @@ class EventLog:
         """Set once it is known where the log ended when the station began to read it."""
         self._grown = asyncio.Event()
         self._is_closed = False
+        self._is_waiting = False
+        """Whether storage fails, and that was told."""
 
     async def run(self) -> None:
         """Tell of each new event in order, until cancelled."""
@@ -87,8 +89,11 @@ class EventLog:
                     )
                 )
             except (StoreError, SQLAlchemyError) as error:
-                log.warning("events wait until storage works: %s", error)
+                level = logging.DEBUG if self._is_waiting else logging.WARNING
+                log.log(level, "events wait until storage works: %s", error)
+                self._is_waiting = True
                 return events
+            self._is_waiting = False
             events += page
             if len(page) < EVENTS_PER_LOOK:
                 return events

@@ -19,11 +19,13 @@ async def until_stored(name: str, work: Work) -> None:
         name: What waits, for the log.
         work: Must mean the same if done twice.
     """
+    level = logging.WARNING
     while True:
         try:
             return await work()
         except StoreUnavailableError as error:
-            log.warning("%s waits for the storage: %s", name, error)
+            log.log(level, "%s waits for the storage: %s", name, error)
+            level = logging.DEBUG  # it was told; a server may be away for hours
             await asyncio.sleep(RETRY_S)
 
 

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from db.fault import StoreUnavailableError
-from server.base.retry_queue import every
+from server.base.retry_queue import every, until_stored
 
 
 async def test_a_failure_of_files_or_storage_leaves_it_to_the_next_time(
@@ -35,3 +35,19 @@ async def test_what_nobody_foresaw_is_passed_on():
 
     with pytest.raises(ValueError, match="wrong"):
         await every("clearing", 0.0, work)
+
+
+async def test_a_storage_that_is_away_for_hours_is_told_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("server.base.retry_queue.RETRY_S", 0.0)
+    faults = [StoreUnavailableError("away")] * 20
+
+    async def work() -> None:
+        if faults:
+            raise faults.pop()
+
+    async with asyncio.timeout(30.0):
+        await until_stored("notices", work)
+    told = [one.message for one in caplog.records if one.levelname == "WARNING"]
+    assert told == ["notices waits for the storage: away"]
