@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, cast
+from typing import Any, Final, cast
 
-from sqlalchemy import CursorResult, select
+from sqlalchemy import CursorResult, Table, select
 from sqlalchemy.orm import Session
 
 from db.camera_tables import CameraFixRow
@@ -46,6 +46,9 @@ Telemetry = RobotReport | RawFrame | FixRecord
 """What the writer takes in batches."""
 RAW_SENSOR = "ADC"
 """Unit of a tag's sensor value that was not converted."""
+_ROBOTS: Final = cast("Table", Robot.__table__)
+_KEYS: Final = select(_ROBOTS.c.id, _ROBOTS.c.key)
+"""Made once, and no statement of the ORM: each batch asks it."""
 
 
 def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
@@ -54,7 +57,7 @@ def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
     Raises:
         UnknownIdError: If a value names a robot that the station does not know.
     """
-    keys = {row.id: row.key for row in session.execute(select(Robot.id, Robot.key))}
+    keys = {row.id: row.key for row in session.execute(_KEYS)}
     samples: list[NewSample] = []
     readings: list[NewReading] = []
     rows: dict[type[Base], list[dict[str, Any]]] = {}

@@ -7,10 +7,20 @@ is read by sums below that moment, and row by row from it on, is all that there 
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
-from sqlalchemy import BigInteger, ForeignKey, Integer, delete, func, insert, select, type_coerce
+from sqlalchemy import (
+    BigInteger,
+    ForeignKey,
+    Integer,
+    Table,
+    delete,
+    func,
+    insert,
+    select,
+    type_coerce,
+)
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from autonomy.arrays import FloatArray, IntArray
@@ -60,6 +70,11 @@ class StateSummed(Base):
     robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
     until: Mapped[datetime]
     """The beginning of a stretch; not included."""
+
+
+_TABLE: Final = cast("Table", StateSummed.__table__)
+_SUMMED: Final = select(_TABLE.c.robot_key, _TABLE.c.until)
+"""Made once, and no statement of the ORM: each batch of telemetry asks it."""
 
 
 def summed_until_us(session: Session, robot_key: int) -> int | None:
@@ -115,10 +130,7 @@ def sum_up_late(session: Session, robot_keys: Iterable[int], at: Sequence[dateti
         robot_keys: Of each report.
         at: When each was measured.
     """
-    until = {
-        row.robot_key: microseconds(row.until)
-        for row in session.execute(select(StateSummed.robot_key, StateSummed.until))
-    }
+    until = {row.robot_key: microseconds(row.until) for row in session.execute(_SUMMED)}
     late = {
         (key, us // STRETCH_US)
         for key, us in zip(robot_keys, map(microseconds, at), strict=True)

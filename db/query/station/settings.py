@@ -1,12 +1,18 @@
 """Values that the station keeps about itself."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final, cast
 
-from sqlalchemy import update
+from sqlalchemy import Table, bindparam, update
 from sqlalchemy.orm import Session
 
 from db.tables import Setting
+
+_TABLE: Final = cast("Table", Setting.__table__)
+_REPLACE: Final = (
+    update(_TABLE).where(_TABLE.c.name == bindparam("of")).values(value=bindparam("new"))
+)
+"""Made once, and no statement of the ORM: each batch of telemetry replaces a value."""
 
 
 def put_setting(session: Session, name: str, value: Mapping[str, Any]) -> None:
@@ -16,8 +22,7 @@ def put_setting(session: Session, name: str, value: Mapping[str, Any]) -> None:
 
 def replace_setting(session: Session, name: str, value: Mapping[str, Any]) -> None:
     """Set a value that is there almost always, in one statement."""
-    change = update(Setting).where(Setting.name == name).values(value=dict(value))
-    found: Any = session.execute(change, execution_options={"synchronize_session": False})
+    found: Any = session.execute(_REPLACE, {"of": name, "new": dict(value)})
     if not found.rowcount:
         session.add(Setting(name=name, value=dict(value)))
         session.flush()
