@@ -31,8 +31,16 @@ from server.water.event import WaterChanged
 log = logging.getLogger(__name__)
 
 _TRACK_POINTS = 5000
-_OF_A_ROBOT = ("deployment.", "robot.")
-"""Beginnings of the kinds of events after which the database says something else of a robot."""
+_OF_A_ROBOT = (
+    "deployment.",
+    "robot.added",
+    "robot.changed",
+    "robot.retired",
+    "robot.restored",
+    "robot.signing",
+)
+"""Beginnings of the kinds of events after which the database says something else of a robot; its
+dives and contacts are none of them."""
 _SETTINGS = ("planner", "field")
 
 
