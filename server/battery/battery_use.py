@@ -217,7 +217,9 @@ class BatteryUse:
     async def _prior(self, robot: str, vehicle: Vehicle) -> EnergyUse:
         book = self._foundation.configurations
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
-        return EnergyUse.of_model(powers_of_uses(vehicle, planner.primitives))
+        # The first of these loads an optimiser, which would hold up everybody for half a second.
+        powers = await asyncio.to_thread(powers_of_uses, vehicle, planner.primitives)
+        return EnergyUse.of_model(powers)
 
 
 def _learn(known: _Known, one: DrawnInterval, capacity_wh: float) -> None:
