@@ -3,25 +3,36 @@
 from datetime import UTC, datetime
 
 from db.query.station.events import add_event
+from server.base.event_bus import EventLogged
 from server.link.moments import CONTACT, DIVE_BEGUN, DIVE_ENDED, SURFACED
 from tests.server.conftest import GRACE, MINI, until
+
+CHANGED = "robot.changed"
 
 
 async def test_fleet_is_read_anew_when_somebody_changed_a_robot_and_not_when_it_dives(
     station, monkeypatch
 ):
     read: list[str] = []
+    told: list[str] = []
 
     async def note(robot):
         read.append(robot)
 
-    monkeypatch.setattr(station.roster, "refresh", note)
+    def change(session, text="Ada changed it."):
+        add_event(session, datetime.now(UTC), CHANGED, text, robot=GRACE)
 
-    def write(session):
+    def dive_and_change(session):
         for kind in (CONTACT, DIVE_BEGUN, DIVE_ENDED, SURFACED):
             add_event(session, datetime.now(UTC), kind, "It said so.", robot=MINI)
-        add_event(session, datetime.now(UTC), "robot.changed", "Ada changed it.", robot=GRACE)
+        change(session, "Ben changed it.")
 
-    await station.foundation.store.write(write)
-    await until(lambda: read)
+    station.foundation.bus.subscribe(EventLogged, lambda logged: told.append(logged.event.text))
+    monkeypatch.setattr(station.roster, "refresh", note)
+    await station.foundation.store.write(change)
+    # so that what the start logged was followed before
+    await until(lambda: "Ada changed it." in told and GRACE in read)
+    read.clear()
+    await station.foundation.store.write(dive_and_change)
+    await until(lambda: "Ben changed it." in told and read)
     assert read == [GRACE]
