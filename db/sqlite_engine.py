@@ -20,6 +20,9 @@ def sqlite_engine(url: URL, connections_max: int, wait_s: float) -> Engine:
     readers and every look of a worker at the same file would compile the same statements again.
     SQLite needs no more than one, since its dialect knows nothing of a single file.
 
+    The connection that was used last is used next. By turns each of them would come to prepare
+    every statement, and so keep it.
+
     Args:
         url: URL of the file.
         connections_max: How many connections may be open at once.
@@ -32,6 +35,7 @@ def sqlite_engine(url: URL, connections_max: int, wait_s: float) -> Engine:
         pool_size=connections_max,
         max_overflow=0,
         timeout=wait_s,
+        use_lifo=True,
         dialect=dialect,
     )
     prepare = dialect.on_connect_url(url)
