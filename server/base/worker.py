@@ -22,6 +22,8 @@ log = logging.getLogger(__name__)
 
 CANCEL_GRACE_S = 3.0
 """How long a task may take to notice that it was cancelled before its process is ended."""
+UNUSED_S = 60.0
+"""A process beyond the last of its pool ends when it had nothing to do for so long."""
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """One thread a process: threads of algebra that wait for each other cost more than they bring."""
 _LARGE_BYTES = 1 << 16
@@ -60,6 +62,8 @@ class _Process:
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self.process = process
+        self.used_s = 0.0
+        """When it ended its last task, by the event loop's clock."""
         self._received: asyncio.Queue[tuple[Any, ...] | None] = asyncio.Queue()
         self._reader = asyncio.create_task(self._read(), name="worker reader")
 
@@ -154,7 +158,10 @@ class PoolLoad:
 
 
 class WorkerPool:
-    """Runs tasks in up to ``size`` processes and keeps them warm in between.
+    """Runs tasks in up to ``size`` processes and keeps one of them warm in between.
+
+    The others end when they had nothing to do for ``UNUSED_S``: each holds machine code of 200 MB
+    and more, and is used only while tasks overlap.
 
     A task is named ``"module:function"`` so that its module is imported in the worker only; the
     function takes ``(payload, report, is_cancelled)``. With a ``niceness`` above 0 the processes
@@ -166,6 +173,8 @@ class WorkerPool:
         self._places = asyncio.Semaphore(size)
         self._idle: list[_Process] = []
         self._busy: set[_Process] = set()
+        self._ending: set[asyncio.Task[None]] = set()
+        self._next_look: asyncio.TimerHandle | None = None
         self._queued = 0
         self._grace_s = CANCEL_GRACE_S
 
@@ -222,7 +231,9 @@ class WorkerPool:
         """End every process; tasks under way raise ``WorkerEndedError``."""
         workers = [*self._idle, *self._busy]
         self._idle.clear()
-        await asyncio.gather(*(worker.stop() for worker in workers))
+        if self._next_look is not None:
+            self._next_look.cancel()
+        await asyncio.gather(*(worker.stop() for worker in workers), *self._ending)
 
     def process_ids(self) -> tuple[int, ...]:
         """Return the ids of the processes that exist now."""
@@ -250,7 +261,22 @@ class WorkerPool:
 
     async def _release(self, worker: _Process) -> None:
         if worker.is_alive:
+            worker.used_s = asyncio.get_running_loop().time()
             self._idle.append(worker)
+            if self._next_look is None:
+                self._end_unused()
+
+    def _end_unused(self) -> None:
+        """End what nobody used for long, the longest first; look again while more is idle."""
+        loop, self._next_look = asyncio.get_running_loop(), None
+        while self._idle and len(self._idle) + len(self._busy) > 1:
+            left_s = self._idle[0].used_s + UNUSED_S - loop.time()
+            if left_s > 0.0:
+                self._next_look = loop.call_later(left_s, self._end_unused)
+                return
+            ending = asyncio.create_task(self._idle.pop(0).stop(), name="unused worker")
+            self._ending.add(ending)
+            ending.add_done_callback(self._ending.discard)
 
     async def _follow(
         self, worker: _Process, on_progress: Callable[[Any], None] | None

@@ -5,6 +5,7 @@ its length, on the pipes that the station opened; whoever can write to them is t
 The process ends when its input closes, so it never outlives a station that was killed.
 """
 
+import ctypes
 import importlib
 import os
 import pickle
@@ -15,9 +16,12 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import IO, Any
 
+IDLE_S = 1.0
+"""A process that has nothing to do for so long gives back what its tasks left free."""
 LENGTH = struct.Struct("<I")
 CALL, CANCEL = "call", "cancel"
 PROGRESS, RESULT, FAILURE, SPENT, READY = "progress", "result", "failure", "spent", "ready"
@@ -97,6 +101,7 @@ def _listen(pipe: _Pipe, calls: "queue.Queue[tuple[Any, ...]]", cancelled: threa
         else:
             cancelled.clear()
             calls.put(message[1:])
+        del message  # the task alone holds what it is given, and lets go of it at its end
     os._exit(0)
 
 
@@ -110,8 +115,30 @@ def main(niceness: int) -> None:
     threading.Thread(target=_listen, args=(pipe, calls, cancelled), daemon=True).start()
     pipe.send(READY)
     while True:
-        task, payload, limit_s = calls.get()
-        _do(pipe, cancelled, task, payload, limit_s)
+        _do(pipe, cancelled, *_next(calls))
+
+
+def trim() -> None:
+    """Give back what is free between blocks that are in use, in every arena; elsewhere do nothing.
+
+    By itself glibc gives back what is free at the end of an arena alone. It takes some 20 ms for
+    170 MB.
+    """
+    if sys.platform.startswith("linux"):
+        with suppress(AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+def _next(calls: "queue.Queue[tuple[Any, ...]]") -> tuple[Any, ...]:
+    """Wait for a task; one that is long in coming finds the memory of the last given back.
+
+    Flights and maps leave holes between what stays, such as machine code: 170 MB after one plan.
+    """
+    try:
+        return calls.get(timeout=IDLE_S)
+    except queue.Empty:
+        trim()
+        return calls.get()
 
 
 def _do(

@@ -4,6 +4,7 @@ from server.access.subject import Subjects
 from server.base.foundation import Foundation
 from server.watch import figures, metrics_route
 from server.watch.loop import LoopWatch
+from server.watch.memory import trim_regularly
 from server.watch.request import RequestMetrics
 from server.watch.station_clock import StationClock
 
@@ -17,5 +18,6 @@ def install(foundation: Foundation) -> None:
     loop = foundation.services.add(LoopWatch(foundation.metrics))
     foundation.services.add(RequestMetrics(foundation.metrics))
     foundation.lifetime.run("event loop watch", loop.run)
+    foundation.lifetime.run("free memory", trim_regularly)
     clock = foundation.services.add(StationClock(foundation))
     foundation.lifetime.run("clock watch", clock.run)

@@ -1,13 +1,17 @@
 """Memory that was freed goes back to the machine, however long the station runs."""
 
+import asyncio
 import ctypes
 import sys
 from contextlib import suppress
 from typing import Final
 
+from server.base.worker_process import trim
+
 _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
 LARGE_BYTES: Final = 256 * 1024
 ARENAS: Final = 2
+TRIM_PERIOD_S: Final = 60.0
 
 
 def return_freed_memory() -> None:
@@ -26,3 +30,10 @@ def return_freed_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES)
         mallopt(_M_ARENA_MAX, ARENAS)
+
+
+async def trim_regularly() -> None:
+    """Give back what is free until cancelled: what requests leave lies between what stays."""
+    while True:
+        await asyncio.sleep(TRIM_PERIOD_S)
+        await asyncio.to_thread(trim)

@@ -1,14 +1,17 @@
 import asyncio
 import os
+import queue
 import signal
 import threading
 import time
+import weakref
 from collections.abc import AsyncIterator, Callable
 
 import pytest
 import pytest_asyncio
 
 from server.base import worker as worker_module
+from server.base import worker_process
 from server.base.worker import WorkerEndedError, WorkerPool, WorkerSpentError, WorkerTaskError
 
 HERE = __name__
@@ -86,6 +89,34 @@ async def test_second_task_reuses_the_warm_process(pool: WorkerPool) -> None:
     first = pool.process_ids()
     await pool.run(f"{HERE}:double", 1)
     assert pool.process_ids() == first
+
+
+async def test_all_processes_but_one_end_when_they_have_nothing_to_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(worker_module, "UNUSED_S", 0.05)
+    several = WorkerPool(3)
+    started: asyncio.Queue[int] = asyncio.Queue()
+    tasks = [
+        asyncio.create_task(
+            several.run(f"{HERE}:wait_for_cancel", None, on_progress=started.put_nowait)
+        )
+        for _ in range(3)
+    ]
+    pids = {await started.get() for _ in tasks}
+    assert set(several.process_ids()) == pids
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    while len(several.process_ids()) > 1 or several._ending:  # noqa: ASYNC110 - nothing tells it
+        await asyncio.sleep(0.01)
+    (kept,) = several.process_ids()
+    for ended in pids - {kept}:
+        with pytest.raises(ProcessLookupError):
+            os.kill(ended, 0)
+    assert await several.run(f"{HERE}:double", 4) == 8
+    assert several.process_ids() == (kept,)
+    await several.stop()
 
 
 async def test_what_is_large_is_packed_and_unpacked_beside_the_event_loop(pool: WorkerPool) -> None:
@@ -185,3 +216,48 @@ async def test_task_that_was_told_to_stop_leaves_no_trace_in_the_log_and_one_tha
         await pool.run(f"{HERE}:fail", "broken")
     said = capfd.readouterr().err
     assert ("told to stop" in said, "broken" in said) == (False, True)
+
+
+async def test_a_process_without_work_gives_memory_back_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls: queue.Queue[tuple[str]] = queue.Queue()
+    trimmed: list[int] = []
+
+    def trim() -> None:
+        trimmed.append(calls.qsize())
+        calls.put(("late",))
+
+    monkeypatch.setattr(worker_process, "trim", trim)
+    monkeypatch.setattr(worker_process, "IDLE_S", 0.01)
+    assert await asyncio.to_thread(worker_process._next, calls) == ("late",)
+    assert trimmed == [0]
+
+
+async def test_a_process_that_has_work_does_it_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: queue.Queue[tuple[str]] = queue.Queue()
+    calls.put(("waiting",))
+    monkeypatch.setattr(worker_process, "trim", lambda: pytest.fail("there is work"))
+    assert await asyncio.to_thread(worker_process._next, calls) == ("waiting",)
+
+
+def test_a_process_that_waits_holds_nothing_of_the_task_that_it_did() -> None:
+    class Held:
+        pass
+
+    held = Held()
+    gone = weakref.ref(held)
+    messages: list[tuple[object, ...]] = [(worker_process.CALL, "task", held, None)]
+    del held
+    calls: queue.Queue[tuple[object, ...]] = queue.Queue()
+
+    class Pipe:
+        def receive(self) -> tuple[object, ...]:
+            if messages:
+                return messages.pop()
+            assert calls.get_nowait()[0] == "task"
+            assert gone() is None
+            raise EOFError
+
+    with pytest.raises(EOFError):
+        worker_process._listen(Pipe(), calls, threading.Event())  # pyright: ignore[reportArgumentType]
