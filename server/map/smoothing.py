@@ -40,6 +40,8 @@ ROWS_PER_LOOK = 20_000
 """Most reports and samples of one look; a longer track is looked at piece by piece."""
 CLOSEST_S = 0.25
 """Points of a track closer than this give no speed: clocks and positions on a wire are rounded."""
+TOLD_MAX = 1000
+"""Dives of a robot that are known to have been told of: late samples come of newer ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,7 @@ class Smoothing:
         self._pending: dict[str, datetime] = {}
         """When the first sample was taken that is to be looked at, by robot."""
         self._announced: defaultdict[str, set[float]] = defaultdict(set)
-        """Fixes whose dives were told of, by robot."""
+        """The newest ``TOLD_MAX`` fixes whose dives were told of, by robot."""
         self._told: dict[str, datetime] = {}
         """Newest fix that a robot reported, which the database may not have yet."""
         self._seen: dict[str, datetime] = {}
@@ -202,6 +204,8 @@ class Smoothing:
         await self._store.write(keep)
         self._watches[robot] = watch
         announced.update(one.dive.fix_time_s for one in untold)
+        for oldest in sorted(announced)[:-TOLD_MAX]:
+            announced.discard(oldest)
         if self._newest[robot] >= fix:
             # What was taken after this fix waits for the next.
             self._restore(robot, fix)

@@ -12,6 +12,7 @@ from db.query.mission import plans as query
 from db.query.mission.plans import ENDED_STATES, PlanRecord, PlanStateError
 from db.query.station.events import add_event
 from server.base.foundation import Foundation
+from server.base.live_feed import PARTS_PER_SECTION
 from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand
@@ -51,6 +52,7 @@ class PlanLedger:
         self._fleet = fleet
         self._progress: dict[str, ProgressView] = {}
         self._transfers: dict[str, TransferView] = {}
+        """The newest of the plans that the live stream has room for, the last changed last."""
         self._rehearsing: set[str] = set()
         """Drafts that are flown ahead once more; what the last dry run found stands meanwhile."""
         self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
@@ -283,7 +285,10 @@ class PlanLedger:
     def set_transfer(self, plan: PlanRecord, transfer: TransferView) -> None:
         """Say how far a plan is on its way."""
         if self._transfers.get(plan.id) != transfer:
+            self._transfers.pop(plan.id, None)
             self._transfers[plan.id] = transfer
+            if len(self._transfers) > PARTS_PER_SECTION:
+                del self._transfers[next(iter(self._transfers))]
             self._bus.publish(PlanSeen(self._newest(plan)))
 
     def _newest(self, plan: PlanRecord) -> PlanRecord:

@@ -142,6 +142,19 @@ async def test_samples_that_come_late_lead_to_the_same_places(store):
     np.testing.assert_allclose(moved, (at_once.smoothed_ned - at_once.position_ned)[20:], atol=1e-9)
 
 
+async def test_of_many_dives_the_newest_are_known_to_have_been_told_of(store, monkeypatch):
+    monkeypatch.setattr(smoothing, "TOLD_MAX", 1)
+    looker, begin = Smoothing(store, SystemClock()), begin_of(3)
+    for number in range(2):
+        told = dive(MINI, begin + number * timedelta(seconds=100), first=20 * number)
+        await kept(store, told)
+        looker.feed(samples_of(told))
+        await looker.look(MINI)
+    events = [one for one in await store.query(newest_events) if one.kind == "dive.smoothed"]
+    assert looker._announced[MINI] == {max(one.data["fix_s"] for one in events)}
+    assert len(events) == 2
+
+
 async def test_dive_whose_keeping_fails_stays_as_it_was_and_is_tried_again(store, monkeypatch):
     """What a killed station leaves is what a failed transaction leaves: all or nothing."""
     looker = Smoothing(store, SystemClock())

@@ -5,9 +5,11 @@ import pytest
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState
+from server.plan import ledger
 from server.plan.document import mission_of
 from server.plan.ledger import PlanLedger
 from server.plan.primitive_legs import LegRequest
+from server.plan.view import TransferView
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import current_report, state_report
 
@@ -91,6 +93,27 @@ async def test_same_upload_asked_for_twice_is_one_transfer(client, world):
     await until(lambda: world.uploads)
     assert (await upload(client, plan, start=True)).status_code == 409
     assert len(world.uploads) == 1
+
+
+async def test_the_newest_transfers_alone_are_kept_for_the_live_stream(client, monkeypatch):
+    monkeypatch.setattr(ledger, "PARTS_PER_SECTION", 2)
+    plans = client.app.state.foundation.services.get(PlanLedger)
+    records = [await plans.get(await draft(client)) for _ in range(3)]
+
+    def send(place):
+        plan = records[place]
+        at = plan.created_at
+        told = ("sending", 0, 1, 2, "created", at, None, "")
+        plans.set_transfer(plan, TransferView(f"transfer-{place}", MINI, plan.id, *told))
+
+    def kept():
+        return [plans.live_view(plan).transfer is not None for plan in records]
+
+    send(0)
+    send(1)
+    assert kept() == [True, True, False]
+    send(2)
+    assert kept() == [False, True, True]
 
 
 async def test_draft_that_breaks_a_limit_is_refused_with_each_violation(client, world):
