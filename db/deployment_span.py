@@ -28,6 +28,16 @@ class Period:
         begun = column >= self.first
         return begun if self.last is None else and_(begun, column <= self.last)
 
+    def overlaps(
+        self, begun: InstrumentedAttribute[Any], ended: InstrumentedAttribute[Any]
+    ) -> ColumnElement[bool]:
+        """Return what is true of a row that lasted from one moment to another, in part within it.
+
+        One without an end lasts still; one without a beginning never did.
+        """
+        has_begun = begun.is_not(None) if self.last is None else begun <= self.last
+        return and_(has_begun, or_(ended.is_(None), ended >= self.first))
+
     def cut(self, start: datetime | None, end: datetime | None) -> tuple[datetime, datetime | None]:
         """Return the part of it between two moments."""
         first = self.first if start is None else max(self.first, start)

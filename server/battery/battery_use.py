@@ -21,13 +21,14 @@ from autonomy.planner.work import powers_of_uses
 from autonomy.vehicle.battery import BatteryConfig
 from autonomy.vehicle.config import Vehicle
 from db.column import microseconds, moment
+from db.deployment_span import Period
 from db.fault import StoreError
 from db.query.measured.battery import battery_readings, first_place
-from db.query.mission.plans import list_plans
+from db.query.mission.plans import flown_plans
 from db.query.station.settings import get_setting, put_setting
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
-from server.battery.flown import FlownPlan
+from server.battery.flown import SLACK, FlownPlan
 from server.battery.interval import DrawnInterval, IntervalCutter
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
@@ -169,7 +170,11 @@ class BatteryUse:
 
         def read(session: Session) -> tuple[list[Any], list[FlownPlan]]:
             words = battery_readings(session, robot, after, _ROWS)
-            plans = list_plans(session, robot=robot, states=_FLOWN, limit=_PLANS) if words else []
+            if not words:
+                return words, []
+            first, last = known.cutter.last or words[0], words[-1]
+            around = Period(first.measured_at - SLACK, last.measured_at + SLACK)
+            plans = flown_plans(session, robot, _FLOWN, around, _PLANS)
             return words, [one for one in map(FlownPlan.of, plans) if one is not None]
 
         words, flown = await self._store.query(read)

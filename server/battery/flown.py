@@ -23,7 +23,8 @@ USE_OF_KIND = {
     PrimitiveKind.KEEP: Use.SWIM,
 }
 """Of a stay at the surface it is what the robot does for the share that it swims."""
-_SLACK = timedelta(seconds=60.0)
+SLACK = timedelta(seconds=60.0)
+"""A silence may begin so long before a plan, and end so long after it, and be of its flight."""
 _S_PER_H = 3600.0
 _PRICES = EnergyConfig()
 
@@ -91,7 +92,7 @@ class FlownPlan:
     def hours(self, start: datetime, end: datetime) -> FloatArray | None:
         """Return the hours of each use between two moments, ``None`` if it was not flown then."""
         last = self.ended_at
-        if start < self.started_at - _SLACK or (last is not None and end > last + _SLACK):
+        if start < self.started_at - SLACK or (last is not None and end > last + SLACK):
             return None
         from_s = (start - self.started_at).total_seconds()
         until_s = (end - self.started_at).total_seconds()

@@ -214,6 +214,27 @@ def list_plans(
     return [_record(row, name) for row, name in session.execute(statement)]
 
 
+def flown_plans(
+    session: Session, robot: str, states: tuple[str, ...], period: Period, limit: int
+) -> list[PlanRecord]:
+    """Return plans that a robot flew within a period, be it for a part of it, the newest first.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = (
+        select(Plan)
+        .where(
+            Plan.robot_key == robot_key(session, robot),
+            Plan.state.in_(states),
+            period.overlaps(Plan.running_at, Plan.ended_at),
+        )
+        .order_by(Plan.key.desc())
+        .limit(limit)
+    )
+    return [_record(row, robot) for row in session.scalars(statement)]
+
+
 def newest_begun(session: Session, robot: str, kind: str) -> str | None:
     """Return the newest plan of a kind that a robot began, ``None`` if there is none.
 
