@@ -9,6 +9,7 @@ slope of Theil and Sen, which a single large sample does not move.
 """
 
 import argparse
+import contextlib
 import json
 import sys
 import tempfile
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
+import httpx
 from scipy.stats import theilslopes
 
 from benchmarks.station.endurance_flight import KeptFlying
@@ -43,6 +45,8 @@ JUDGED: Final = {
 }
 TOLD: Final = {
     "workers_mb": "workers of the station",
+    "maps_mb": "live maps, within the station, which fill up and are bounded",
+    "station_other_mb": "station without workers and maps",
     "station_rss_mb": "station with the files that it maps",
     "browser_all_mb": "all processes of the browser",
     "page_nodes": "nodes of the page",
@@ -83,7 +87,16 @@ def _left_running(data: Path, length_s: float) -> dict[str, Any]:
         page.open(f"{demo.url}{PAGE}")
         page.wait_for_scene()
         flights = [KeptFlying(demo.client, robot) for robot in ROBOTS]
-        return _watched(demo, flights, Sampler(data, page.heap), length_s)
+        return _watched(demo, flights, Sampler(data, page.heap, lambda: _maps_mb(demo)), length_s)
+
+
+def _maps_mb(demo: Demo) -> float:
+    """Return what the station tells that its live maps keep; 0 while it does not answer."""
+    with contextlib.suppress(httpx.HTTPError):
+        for line in demo.client.get("/metrics").raise_for_status().text.splitlines():
+            if line.startswith("grace_map_memory_bytes "):
+                return float(line.split()[1]) / 1e6
+    return 0.0
 
 
 def _share_session(page: PlainPage, demo: Demo) -> None:

@@ -15,11 +15,15 @@ class Sampler:
     Args:
         data: The data folder of the station.
         heap: Returns figures of the page by their names.
+        maps_mb: Returns what live maps of the station keep, 10^6 bytes.
     """
 
-    def __init__(self, data: Path, heap: Callable[[], dict[str, float]]) -> None:
+    def __init__(
+        self, data: Path, heap: Callable[[], dict[str, float]], maps_mb: Callable[[], float]
+    ) -> None:
         self._data = data
         self._heap = heap
+        self._maps_mb = maps_mb
 
     def sample(self, at_s: float, station: int, simulator: int) -> dict[str, float]:
         """Look once.
@@ -36,12 +40,15 @@ class Sampler:
         robots = [psutil.Process(simulator), *psutil.Process(simulator).children(recursive=True)]
         browser = [one for one in psutil.Process().children(recursive=True) if _is_browser(one)]
         station_mb, workers_mb = memory_mb([own]), memory_mb(workers)
+        maps_mb = self._maps_mb()
         return {
             "at_s": at_s,
             "station_mb": station_mb,
             "station_rss_mb": own.memory_info().rss / _MB,
             "station_pss_mb": own.memory_full_info().pss / _MB,
             "workers_mb": workers_mb,
+            "maps_mb": maps_mb,
+            "station_other_mb": station_mb - maps_mb,
             "station_all_mb": station_mb + workers_mb,
             "simulator_mb": memory_mb(robots),
             **self._heap(),
