@@ -249,13 +249,17 @@ class Access:
         self._seen.update({proof.digest: at for proof in found if proof.kind == "session"})
         return {proof: caller.rights for proof, caller in found.items()}
 
+    def is_over(self, caller: Caller) -> bool:
+        """Tell whether that by which somebody came in has expired."""
+        return self._wall.now() >= caller.expires_at
+
     def _known(self, proof: Proof) -> Caller | None:
         """Return who came in by this as it was found a moment ago, if that must hold still."""
         look = self._looks.get(proof)
         if look is None or look.changes != self._store.changes:
             return None
         is_fresh = monotonic_s() - look.at_s < LOOK_S
-        return look.caller if is_fresh and self._wall.now() < look.caller.expires_at else None
+        return look.caller if is_fresh and not self.is_over(look.caller) else None
 
     async def _look_at(self, proofs: Collection[Proof]) -> dict[Proof, Caller]:
         """Look into the database, and forget what was found there too long ago."""

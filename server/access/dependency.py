@@ -50,7 +50,7 @@ async def _viewer_or_this_machine(
     host = None if request.client is None else request.client.host
     if host in _THIS_MACHINE and foundation.settings.metrics_on_loopback:
         return None
-    return await guard.caller(request, Right.VIEW)
+    return await guard.scraper(request)
 
 
 async def _pilot(request: Request, guard: GuardDep) -> Caller:

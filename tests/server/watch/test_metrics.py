@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from db.fault import StoreUnavailableError
+from server.access.access import Access
 from server.access.role import Role
 from server.base.foundation import Foundation
 from server.base.settings import Settings
@@ -178,6 +179,31 @@ async def test_metrics_need_a_token_that_may_see_the_whole_station(tmp_path):
         assert (await anyone.get("/metrics", headers=bearer(viewer))).status_code == 200
         nobody = await token_of(app, Role.NONE, "of chosen robots")
         assert (await anyone.get("/metrics", headers=bearer(nobody))).status_code == 403
+
+
+async def test_who_read_the_figures_last_reads_them_while_the_database_is_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    async with running(tmp_path) as app, client_of(app) as anyone:
+        access = app.state.foundation.services.get(Access)
+        names = ("scraper", "another")
+        scraper, other = [await token_of(app, Role.VIEWER, name) for name in names]
+
+        async def away(_function: Callable[[Session], object]) -> None:
+            raise StoreUnavailableError("The database is away.")
+
+        async def status(token: str) -> int:
+            return (await anyone.get("/metrics", headers=bearer(token))).status_code
+
+        assert await status(scraper) == 200
+        with monkeypatch.context() as patch:
+            patch.setattr(app.state.foundation.store, "query", away)
+            access._looks.clear()
+            assert await status(scraper) == 200
+            assert await status(other) == 503
+            patch.setattr(access, "is_over", lambda _: True)
+            assert await status(scraper) == 503
+        assert await status(other) == 200
 
 
 async def test_this_machine_needs_no_token_only_where_a_setting_says_so(tmp_path):
