@@ -82,6 +82,9 @@ class ThreadWork:
         except asyncio.CancelledError:
             self._stop.set()
             await asyncio.wait([task])
+            fault = None if task.cancelled() else task.exception()
+            if fault is not None and not isinstance(fault, WorkStoppedError):
+                logger.exception("work that was to stop failed", exc_info=fault)
             raise
 
 

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from server.base.event_bus import JobChanged
-from server.base.job import JobError, JobPerKey
+from server.base.job import JobError, JobPerKey, JobProgress, ThreadWork, WorkStoppedError
 from server.base.problem import Problem
 from tests.server.station_app import running, signed_in
 
@@ -134,3 +134,28 @@ async def test_work_under_way_at_the_end_is_noted(tmp_path):
         job = await app.state.foundation.jobs.start("test", work, by="ann")
     async with running(tmp_path) as app:
         assert (await app.state.foundation.jobs.get(job.id)).state == "cancelled"
+
+
+@pytest.mark.parametrize(("ends", "said"), [(WorkStoppedError, 0), (OSError, 1)])
+async def test_thread_that_stops_as_it_was_told_leaves_no_word_in_the_log(ends, said, caplog):
+    thread = ThreadWork(JobProgress(lambda progress, message: None))
+    began = asyncio.Event()
+
+    async def until_stopped():
+        began.set()
+        while True:
+            await asyncio.sleep(0.0)
+            try:
+                thread.go_on()
+            except WorkStoppedError:
+                raise ends from None
+
+    work = asyncio.create_task(until_stopped())
+    waiting = asyncio.create_task(thread.result(work))
+    await began.wait()
+    await asyncio.sleep(0.0)
+    waiting.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await waiting
+    assert not work._log_traceback, "asyncio would tell of an error that nobody took"
+    assert [record.exc_info[0] for record in caplog.records] == [ends] * said
