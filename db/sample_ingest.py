@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from typing import Any, NamedTuple, cast
+from typing import Any, Final, NamedTuple, cast
 
 from sqlalchemy import Table, bindparam, case, delete, func, insert, or_, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
@@ -27,6 +27,17 @@ from db.tables import Base
 _ASKED_AT_ONCE = 1000
 """Readings that one statement asks for; databases limit the parameters of a statement."""
 _LENGTHS = tuple((length_s, length_s * 1_000_000) for length_s in (FINE_S, COARSE_S))
+
+_LOGS: Final = cast("Table", SampleLog.__table__)
+_LOWER_UNSMOOTHED: Final = (
+    update(_LOGS)
+    .where(
+        _LOGS.c.key == bindparam("of"),
+        or_(_LOGS.c.unsmoothed_from.is_(None), _LOGS.c.unsmoothed_from > bindparam("at")),
+    )
+    .values(unsmoothed_from=bindparam("at"))
+)
+"""Made once: each batch with samples runs it."""
 
 
 class NewSample(NamedTuple):
@@ -77,16 +88,8 @@ def note_unsmoothed(session: Session, samples: Iterable[tuple[int, datetime]]) -
     first: dict[int, datetime] = {}
     for log_key, at in samples:
         first[log_key] = min(first.get(log_key, at), at)
-    known = cast("Table", SampleLog.__table__)
-    session.connection().execute(
-        update(known)
-        .where(
-            known.c.key == bindparam("of"),
-            or_(known.c.unsmoothed_from.is_(None), known.c.unsmoothed_from > bindparam("at")),
-        )
-        .values(unsmoothed_from=bindparam("at")),
-        [{"of": log_key, "at": at} for log_key, at in first.items()],
-    )
+    logs = [{"of": log_key, "at": at} for log_key, at in first.items()]
+    session.connection().execute(_LOWER_UNSMOOTHED, logs)
 
 
 def take_out(session: Session, rows: Sequence[Mapping[str, Any]]) -> None:

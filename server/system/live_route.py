@@ -28,7 +28,7 @@ async def live(
         int | None, Query(ge=0, le=CURSOR_MAX, description="Cursor of the last event seen.")
     ] = None,
 ) -> None:
-    """Send what changed, ten times a second, until the browser leaves or its sign-in ends."""
+    """Send what changed, up to ten times a second, until the browser leaves or its sign-in ends."""
     audience = Audience(caller.rights.robots, is_public=caller.is_link)
     wanted = None if robots is None else frozenset(filter(None, robots.split(",")))
     if after is not None and after > await store.query(last_cursor):

@@ -87,8 +87,8 @@ def note_smoothed(session: Session, robot: str, begin: datetime, end: datetime) 
         UnknownIdError: If there is no such robot.
     """
     key = robot_key(session, robot)
-    first = unsmoothed_from(session, robot)
-    if first is None or first < begin:
+    waiting = unsmoothed_from(session, robot)
+    if waiting is None or waiting < begin:
         return
     missed = (
         select(func.min(SampleRow.measured_at))
