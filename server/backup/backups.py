@@ -45,7 +45,9 @@ _LOOK_S: Final = 60.0
 """Longest wait by the wall for a moment of the wall, which may be set meanwhile."""
 _JOB: Final = "backup"
 _SCHEDULE: Final = "schedule"
-_ACTION: Final = "See Settings, Storage, Backups; make one there once the reason is gone."
+_ACTION: Final = (
+    "See Settings, Sizes and retention, Backups; make one there once the reason is gone."
+)
 
 
 class BackupResult(TypedDict):

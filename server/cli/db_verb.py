@@ -86,8 +86,9 @@ def _make_key(file: Path) -> int:
     key = PrivateKey.make(file)
     print(key.public.text)
     print(
-        f"The line above is for the station: Settings, Storage, Backups. {file} opens the backups "
-        "(keep it away from the station, in two places; nobody can make it again)."
+        "The line above is for the station: Settings, Sizes and retention, Backups. "
+        f"{file} opens the backups (keep it away from the station, in two places; nobody can "
+        "make it again)."
     )
     return 0
 

@@ -191,7 +191,7 @@ class Passes:
             CAUSE,
             f"The daily pass over what is kept did not see to everything: {reason}",
             level="watch",
-            action="See Settings, Storage; it is tried again at its hour.",
+            action="See Settings, Sizes and retention; it is tried again at its hour.",
         )
 
 

@@ -251,7 +251,7 @@ class Sizes:
             f"The disk of the station's data folder is full {days} at the growth of late; "
             f"{free_gb:.1f} GB are free.{unseen}",
             level="warning",
-            action="See Settings, Storage: what may be thinned, moved to files or deleted.",
+            action="See Settings, Sizes and retention: what may be thinned, moved or deleted.",
         )
 
 
