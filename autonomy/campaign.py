@@ -130,12 +130,13 @@ class Cluster:
     ) -> list[R]:
         """See ``Spread``."""
         client = self._client
-        common = client.scatter(shared, hash=False)
+        # on every machine, for what only one of them had would go away with it
+        common = client.scatter(shared, hash=False, broadcast=True)
         pieces = [client.submit(work, common, item, pure=False) for item in items]
         try:
             with client.as_current():
                 self._follow(pieces, on_done, is_cancelled)
-            return client.gather(pieces)
+            return self._gathered(pieces)
         except _losses() as error:
             raise self._gone() from error
         except BaseException:
@@ -153,16 +154,27 @@ class Cluster:
         while done < len(pieces):
             if is_cancelled():
                 raise CampaignCancelledError
-            ready = running.next_batch(block=False)
-            for piece in ready:
-                if piece.status in {"cancelled", "lost"}:
+            before = done
+            for piece in running.next_batch(block=False):
+                status = piece.status
+                if status == "cancelled":
                     raise self._gone()
-                piece.result()
-            done += len(ready)
-            if ready:
+                if status == "error":
+                    piece.result()
+                if status == "finished":
+                    done += 1
+                else:  # it went away with its machine, and another works it out again
+                    running.add(piece)
+            if done > before:
                 on_done(done)
             else:
                 time.sleep(_LOOK_S)
+
+    def _gathered(self, pieces: list[Any]) -> list[Any]:
+        try:
+            return self._client.gather(pieces)
+        except OSError as error:  # no piece's own: all of them are done
+            raise self._gone() from error
 
     def _gone(self) -> ClusterError:
         return ClusterError(

@@ -4,10 +4,18 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
-WAIT_S = 60.0
+WAIT_S = 120.0
+
+
+def wait_until(is_so: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + WAIT_S
+    while not is_so():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
 
 
 @contextmanager
@@ -31,10 +39,7 @@ def scheduler(folder: Path):
     file = folder / "scheduler.json"
     options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with dask_process("dask_scheduler", *options, "--scheduler-file", str(file)) as process:
-        end_s = time.monotonic() + WAIT_S
-        while not file.exists() or not file.read_text():
-            assert time.monotonic() < end_s
-            time.sleep(0.05)
+        wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
         yield process, json.loads(file.read_text())["address"]
 
 

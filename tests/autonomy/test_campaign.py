@@ -1,9 +1,6 @@
 """Campaigns on threads, on a local cluster, and on a real cluster of Dask's own processes."""
 
 import os
-import signal
-import tempfile
-import time
 
 import numpy as np
 import pytest
@@ -22,7 +19,16 @@ from autonomy.identification.problem import problem_from
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif.comparison import compare
 from autonomy.whatif.config import TABLE_3_1_LINEAR, DisturbanceConfig
-from tests.autonomy.dask_cluster import WAIT_S, scheduler, worker
+from tests.autonomy.campaign_pieces import (
+    counted_fault,
+    faulty,
+    met_process_of,
+    norm,
+    noted,
+    process_of,
+    slow,
+)
+from tests.autonomy.dask_cluster import WAIT_S, scheduler, wait_until, worker
 from tests.autonomy.identification_flight import open_loop_recording
 from tests.autonomy.test_identification_fit import SMALL, run, wrong_by
 from tests.autonomy.test_whatif import changed, choice
@@ -30,31 +36,10 @@ from tests.autonomy.test_whatif import changed, choice
 pytestmark = pytest.mark.process
 
 
-def norm(shared, item):
-    """A piece of work that takes an array of everybody's and a number of its own."""
-    return float(np.linalg.norm(shared * item))
-
-
-def slow(shared, item):
-    time.sleep(shared)
-    return item
-
-
-def faulty(shared, item):
-    if item == shared:
-        raise ArithmeticError(f"piece {item}")
-    return item
-
-
-def counted_fault(shared, item):
-    """Raise, after leaving a file for each time that it was begun."""
-    tempfile.mkstemp(dir=shared)
-    raise ArithmeticError(f"piece {item}")
-
-
-def process_of(shared, item):
-    time.sleep(shared)
-    return os.getpid()
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """A scheduler on a machine that is busy with other tests answers late."""
+    monkeypatch.setattr(campaign, "_PATIENCE_S", WAIT_S)
 
 
 @pytest.fixture(scope="module")
@@ -113,12 +98,12 @@ def test_a_campaign_that_is_called_off_ends_before_all_is_done(spread):
     assert done[-1] < 1000
 
 
-def test_a_cluster_works_in_other_processes_at_once(machines, monkeypatch):
+def test_a_cluster_works_in_other_processes_at_once(machines, tmp_path, monkeypatch):
     monkeypatch.setenv(ADDRESS_VARIABLE, machines)
     with opened() as found:
         assert isinstance(found, Cluster)
         assert found.places == 2
-        pids = set(found.run(process_of, 0.2, range(8)))
+        pids = set(found.run(met_process_of, tmp_path, range(8)))
     assert len(pids) == 2
     assert os.getpid() not in pids
 
@@ -155,11 +140,15 @@ def test_a_machine_that_goes_away_in_the_middle_is_made_up_for(tmp_path, monkeyp
                 client.wait_for_workers(2, WAIT_S)
 
                 def kill(done):
-                    if done >= 5 and first.poll() is None:
-                        first.send_signal(signal.SIGKILL)
+                    if first.poll() is None:
+                        # it has done pieces that nobody has looked at
+                        wait_until(lambda: len(list(tmp_path.glob("*.done"))) > 20)
+                        first.kill()
+                        first.wait(WAIT_S)
+                        wait_until(lambda: len(client.nthreads()) == 1)
 
                 with opened() as found:
-                    assert found.run(slow, 0.05, range(60), on_done=kill) == list(range(60))
+                    assert found.run(noted, tmp_path, range(60), on_done=kill) == list(range(60))
         assert first.poll() is not None
 
 
@@ -197,7 +186,7 @@ def test_nobody_at_the_address_is_told_with_the_way_out(monkeypatch):
 def test_a_local_cluster_works_in_processes_of_its_own(monkeypatch):
     monkeypatch.setenv(ADDRESS_VARIABLE, "local")
     with opened() as found:
-        pids = found.run(process_of, 0.0, range(4))
+        pids = found.run(process_of, None, range(4))
     assert os.getpid() not in pids
 
 
