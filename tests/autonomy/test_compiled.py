@@ -128,7 +128,8 @@ def compile_shifted(folder: str) -> int:
 @pytest.mark.process
 def test_two_processes_at_once_compile_a_kernel_once(load: Load, tmp_path: Path):
     load()
-    with multiprocessing.get_context("spawn").Pool(2) as pool:
+    # one piece each: a process that took both would not look for the other's code
+    with multiprocessing.get_context("spawn").Pool(2, maxtasksperchild=1) as pool:
         hits = pool.map(compile_shifted, [str(tmp_path)] * 2, chunksize=1)
     assert sum(hits) == 1
 

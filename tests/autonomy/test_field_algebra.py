@@ -105,7 +105,7 @@ def test_other_threads_run_while_a_routine_does() -> None:
     matrix, steps, seen = np.asfortranarray(covariance_matrix(600)), [0], [False]
 
     def work() -> None:
-        for _ in range(200):
+        for _ in range(10_000):
             copy, before = matrix.copy(order="F"), steps[0]
             factorize_in_place(copy)
             if steps[0] > before:

@@ -64,12 +64,12 @@ def test_a_ring_that_crosses_itself_is_found_wherever_it_does(corners):
 
 
 def test_20_000_corners_are_looked_at_in_well_under_a_second():
-    began = time.process_time()
+    began = time.thread_time()
     assert first_crossing(wavy()) is None
     crossed = wavy()
     crossed[[5_000, 5_001]] = crossed[[5_001, 5_000]]
     assert first_crossing(crossed) == (4_999, 5_001)
-    assert time.process_time() - began < 1.0
+    assert time.thread_time() - began < 1.0
 
 
 def test_ways_keep_the_distance_that_another_library_tells():

@@ -167,6 +167,6 @@ def test_a_million_values_take_less_than_a_second_a_test():
     }
     for name, test in tests.items():
         # a busy neighbour takes none of the processor's time that is counted here
-        begun = time.process_time()
+        begun = time.thread_time()
         test()
-        assert time.process_time() - begun <= LIMITS_S, name
+        assert time.thread_time() - begun <= LIMITS_S, name
