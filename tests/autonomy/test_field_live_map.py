@@ -10,7 +10,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
 from autonomy.field.live import live_map as live_map_module
-from autonomy.field.live.growing_factor import GrowingFactor
+from autonomy.field.live.growing_factor import GrowingFactor, Growth, WhitenedColumns
 from autonomy.field.live.live_map import LiveMap
 from autonomy.field.model.model import condition
 from autonomy.field.samples import FieldSamples
@@ -156,6 +156,14 @@ def test_a_field_that_changes_is_forgotten_in_time(model: str) -> None:
     assert live_map.mean == pytest.approx(alone.mean, abs=1e-9)
     assert live_map.std == pytest.approx(alone.std, abs=1e-9)
     assert_equals_conditioning_anew(live_map)
+
+
+def test_what_fades_are_the_rows_that_samples_filled() -> None:
+    columns = WhitenedColumns(3)
+    columns.append(Growth(np.empty((0, 1)), np.ones((1, 1)), np.ones(1)), np.full((1, 3), 2.0))
+    columns._panels[0][1:] = np.inf
+    columns.scale(0.0)
+    assert columns.mean.tolist() == columns.reduction.tolist() == [0.0] * 3
 
 
 def test_a_sample_that_comes_late_is_as_old_as_it_is() -> None:

@@ -165,7 +165,7 @@ class WhitenedColumns:
 
     def scale(self, factor: float) -> None:
         """Multiply ``V`` by a number."""
-        for panel in self._panels:
+        for _, panel in self._filled():  # the rest of its memory may hold anything
             np.multiply(panel, factor, out=panel)
         self._mean *= factor
         self._reduction *= factor**2
