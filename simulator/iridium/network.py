@@ -6,7 +6,7 @@ Everything that takes time takes it by the robots' clock. One network belongs to
 import asyncio
 import random
 from collections.abc import Callable, Mapping
-from datetime import timedelta
+from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
 
@@ -175,7 +175,7 @@ class IridiumNetwork:
         position = line.queue.put(message)
         line.charge(credits_needed)
         self._remember()
-        self._later(delay_s, self._announce, line)
+        self._later(delay_s, self._announce, line, ready_at)
         return Accepted(message.message_id, mtmsn, position)
 
     def flush(self, imei: str) -> int:
@@ -337,11 +337,10 @@ class IridiumNetwork:
         for callback in callbacks:
             callback(message)
 
-    def _announce(self, line: Line) -> None:
-        """Ring for a message that has come into the queue."""
-        now = self.clock.now()
-        last_at, line.last_ready_at = line.last_ready_at, now
-        if last_at is None or (now - last_at).total_seconds() >= _QUIET_S:
+    def _announce(self, line: Line, ready_at: datetime) -> None:
+        """Ring for a message that came into the queue then, however late the loop is."""
+        last_at, line.last_ready_at = line.last_ready_at, ready_at
+        if last_at is None or (ready_at - last_at).total_seconds() >= _QUIET_S:
             self._ring(line)
             self._later(_SECOND_RING_S, self._ring_again, line)
 
