@@ -18,7 +18,7 @@ from tests.robot_link.camera.drawn import scene
 from tests.robot_link.rig import until
 
 pytestmark = pytest.mark.process
-WAIT_S = 60.0
+WAIT_S = 120.0
 
 
 @asynccontextmanager
@@ -48,7 +48,7 @@ async def test_tags_in_pictures_are_published_with_the_count_of_their_moment(tmp
     async with node_of(CameraProcess(settings, lambda: 1000.0)) as (tags, _):
         said = await newest(tags)
     assert sorted(tag["id"] for tag in said["tags"]) == [140, 141]
-    assert 940.0 < said["count_s"] <= 1000.0
+    assert 1000.0 - WAIT_S < said["count_s"] <= 1000.0
     for tag in said["tags"]:
         off = np.array(tag["corners_px"]) - corners[tag["id"]]
         assert np.sqrt(np.mean(off**2)) < 0.3

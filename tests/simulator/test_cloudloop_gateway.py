@@ -29,7 +29,7 @@ async def served(network: IridiumNetwork) -> AsyncIterator[str]:
 
 
 async def asked(url: str, fields: dict[str, str], **options) -> httpx.Response:
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=60.0) as client:
         return await client.post(url, data=fields, **options)
 
 
@@ -48,7 +48,7 @@ async def test_message_is_queued_and_named():
 async def test_call_may_stand_in_the_query_and_the_token_in_a_header():
     network, _ = network_of(carrier="cloudloop")
     bare = {name: value for name, value in CALL.items() if name != "token"}
-    async with served(network) as url, httpx.AsyncClient(trust_env=False) as client:
+    async with served(network) as url, httpx.AsyncClient(trust_env=False, timeout=60.0) as client:
         assert (await client.get(url, params=CALL)).status_code == 200
         bearer = {"Authorization": "Bearer word"}
         assert (await asked(url, bare, headers=bearer)).status_code == 200

@@ -232,7 +232,7 @@ async def test_order_by_satellite_acts_once_and_is_answered(tmp_path, private_ke
         chunks, transfer = ashore.chunks(plan, start=False)
         await ashore.send(*chunks)
         await until(lambda: TransferState.APPLIED in ashore.states_of(transfer))
-        assert OnboardPlanState.ON_BOARD in ashore.plan_states(plan)
+        await until(lambda: OnboardPlanState.ON_BOARD in ashore.plan_states(plan))
         expires = ashore.settings.clock().now() + timedelta(hours=1)
         order = pack_order(
             CommandKind.START, CommandNumber(7), expires, plan.sha256(), KEY, SYSTEM, 99

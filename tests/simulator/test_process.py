@@ -184,7 +184,7 @@ def spawn(chosen: SimulatorSettings) -> subprocess.Popen:
 
 
 def idle_process() -> subprocess.Popen:
-    return subprocess.Popen(["sleep", "60"])
+    return subprocess.Popen(["sleep", "600"])
 
 
 @pytest.mark.process

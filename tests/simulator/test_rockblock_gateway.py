@@ -51,7 +51,7 @@ async def served(network: IridiumNetwork, push_url: str | None = None) -> AsyncI
 
 
 async def asked(url: str, **fields: str) -> str:
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=60.0) as client:
         return (await client.post(url, data=LOGIN | fields)).text
 
 
@@ -68,7 +68,7 @@ async def test_message_is_queued_and_charged():
 
 async def test_parameters_may_stand_in_the_query_too():
     network, _ = network_of()
-    async with served(network) as url, httpx.AsyncClient(trust_env=False) as client:
+    async with served(network) as url, httpx.AsyncClient(trust_env=False, timeout=60.0) as client:
         answer = await client.post(url, params=LOGIN | {"data": "61"})
         assert answer.text == "OK,1"
         assert (await client.get(url)).status_code == 405
@@ -249,7 +249,7 @@ async def test_push_waits_for_a_customer_and_for_the_end_of_an_outage():
 
 
 async def status_of(url: str) -> int:
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=60.0) as client:
         return (await client.post(url, data=LOGIN)).status_code
 
 
