@@ -29,6 +29,8 @@ from simulator.fleet import GRACE_1, MINI_1
 
 SEED = int(np.random.SeedSequence().generate_state(1)[0])
 """Drawn anew each time; a failure names it."""
+CALM_SEED = 7
+"""Of a mission whose every flight becomes a number; of some thousand drawn ones one does not."""
 
 
 ROBOTS = {"tank": (MINI_1, 120.0, 0.005), "lake": (GRACE_1, 600.0, 0.02)}
@@ -70,7 +72,7 @@ def test_a_band_holds_what_it_says_of_the_flights_that_made_it():
     found = run(asked, reports)
     band = found.band
     assert found.completed, (SEED, found.message)
-    assert found.runs == 60
+    assert found.runs + len(found.failed) == 60
     assert reports == sorted(reports)
     assert reports[-1] == 1.0
     assert band.level == LEVEL
@@ -142,10 +144,14 @@ def test_the_same_seed_flies_the_same_ensemble_whatever_the_threads_do():
 def test_coarse_flights_scatter_as_exact_ones_do(water):
     runs = 60
     asked = problem(runs=runs, water=water)
-    coarse = ensemble.flown(asked, lambda _: None, lambda: False)
-    exact = ensemble.flown(asked, lambda _: None, lambda: False, EXACT)
+    pairs = [
+        pair
+        for pair in in_pairs(numbered(asked), numbered(asked, EXACT))
+        if all(np.isfinite(one.surfaced[-1, 1:3]).all() for one in pair)
+    ]
+    assert len(pairs) > 0.9 * runs, SEED
+    runs, coarse, exact = len(pairs), *zip(*pairs, strict=True)
     ends = [np.array([one.surfaced[-1, 1:3] for one in kind]) for kind in (coarse, exact)]
-    assert all(np.isfinite(places).all() for places in ends), SEED
     std = [places.std(axis=0).max() for places in ends]
     # of 60 flights a mean is known to an eighth of the scatter, so a difference of two to a fifth,
     # and a deviation to an eleventh of itself; beyond five times that luck comes once in a million
@@ -163,6 +169,18 @@ def test_coarse_flights_scatter_as_exact_ones_do(water):
     used = [1.0 - np.array([one.battery for one in kind]) for kind in (coarse, exact)]
     off, known = difference(*used)
     assert 0.5**0.5 - 1.0 - 5.0 * known < off < 0.05 + 5.0 * known, SEED
+
+
+def numbered(asked, grain=None):
+    """Return the flights of a problem by their numbers, but for those that became no number."""
+    flights, failed = ensemble._fly(asked, lambda _: None, lambda: False, grain)
+    computed = sorted(set(range(asked.runs)) - {one.number for one in failed})
+    return dict(zip(computed, flights, strict=True))
+
+
+def in_pairs(ones, others):
+    """Return the flights that both have, in pairs of one number."""
+    return [(ones[number], others[number]) for number in sorted(ones.keys() & others.keys())]
 
 
 def difference(coarse, exact):
@@ -210,11 +228,11 @@ def broken_flights(monkeypatch, broken):
 
 def test_a_flight_that_cannot_be_computed_is_named_and_the_others_make_the_band(monkeypatch):
     broken_flights(monkeypatch, {3, 11})
-    found = run(problem(runs=40))
+    found = run(problem(runs=40, seed=CALM_SEED))
     assert found.runs == 38
     assert len(found.failed) == 2
     assert {one.reason for one in found.failed} == {"LinAlgError: Singular matrix"}
-    assert {one.seed for one in found.failed} == {SEED}
+    assert {one.seed for one in found.failed} == {CALM_SEED}
     assert found.band is not None
     assert [one["reason"] for one in found.document()["failed"]] == [
         one.reason for one in found.failed
@@ -235,7 +253,7 @@ def test_a_flight_whose_numbers_are_none_is_one_that_failed(monkeypatch):
         return one
 
     monkeypatch.setattr(ensemble, "fly", fly)
-    found = run(problem(runs=20))
+    found = run(problem(runs=20, seed=CALM_SEED))
     assert found.runs == 19
     assert [one.reason for one in found.failed] == ["ArithmeticError: its track is not finite"]
 
@@ -290,16 +308,10 @@ def test_the_quick_account_of_uncertainty_is_that_of_the_flights(water, known_sh
 
 def test_a_robot_that_doubts_itself_states_as_much_more_from_the_start():
     sure, unsure = (
-        ensemble.flown(
-            problem(runs=10, known_current_std_m_s=0.005, doubt=doubt),
-            lambda _: None,
-            lambda: False,
-        )
-        for doubt in (1.0, 2.0)
+        numbered(problem(runs=10, known_current_std_m_s=0.005, doubt=doubt)) for doubt in (1.0, 2.0)
     )
     ratios = [
-        more.rows[:40, ROW_STD] / less.rows[:40, ROW_STD]
-        for less, more in zip(sure, unsure, strict=True)
+        more.rows[:40, ROW_STD] / less.rows[:40, ROW_STD] for less, more in in_pairs(sure, unsure)
     ]
     assert np.median(ratios) == pytest.approx(2.0, rel=0.1), SEED
 
@@ -334,7 +346,7 @@ def test_flights_that_run_out_of_time_or_battery_are_told_as_what_they_are():
 
 
 def test_nobody_waits_longer_than_was_said_but_for_the_least_number_of_flights():
-    found = run(problem(runs=400, processor_s=0.0))
+    found = run(problem(runs=400, seed=CALM_SEED, processor_s=0.0))
     assert found.runs == ensemble.LEAST_RUNS
 
 
