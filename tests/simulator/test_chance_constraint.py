@@ -117,7 +117,9 @@ def constrained(config, generator: np.random.Generator) -> tuple[Tried, Tried]:
 def test_plans_leave_the_water_no_oftener_than_was_set_when_others_fly_them():
     generator = np.random.default_rng(SEED)
     out, free, flights = 0, 0, 0
-    for _ in range(4):
+    for number in range(12):
+        if number >= 4 and flights:  # a keep-out may lie so that no plan keeps the limit
+            break
         config = settings(generator)
         first, chosen = constrained(config, generator)
         assert chance_of(chosen.dry_run) <= chance_of(first.dry_run), SEED
