@@ -70,7 +70,15 @@ async def until_open(port):
 
 
 @pytest.mark.parametrize("has_programs", [True, False])
-async def test_a_robot_of_the_tank_is_in_the_picture_where_it_floats(tmp_path, has_programs):
+async def test_a_robot_of_the_tank_is_in_the_picture_where_it_floats(
+    tmp_path, monkeypatch, has_programs
+):
+    definition = SimulatorSettings.definition
+
+    def in_still_water(self, robot):
+        return replace(definition(self, robot), drift_m_sqrt_s=0.0)
+
+    monkeypatch.setattr(SimulatorSettings, "definition", in_still_water)
     chosen = settings(tmp_path, has_programs=has_programs)
     scene = true_scene(["mini-1"], 2)
     north, east = MINI_1.start_ne_m
