@@ -148,9 +148,13 @@ async def test_surface_now_reaches_a_diving_robot(tmp_path):
                 for report in heard.of(CommandReport)
             )
         )
-        await until(lambda: any(report.reason for report in heard.of(PlanReport)))
-        assert heard.of(PlanReport)[-1].reason == "surfaced by command"
-        assert heard.of(PlanReport)[-1].state is OnboardPlanState.FAILED
+
+        def ended():
+            reports = heard.of(PlanReport)
+            return [one for one in reports if one.state is OnboardPlanState.FAILED]
+
+        await until(ended)
+        assert ended()[0].reason == "surfaced by command"
 
 
 async def test_states_of_a_fast_robot_come_once_a_second_of_its_own_clock(tmp_path):
