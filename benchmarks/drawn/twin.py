@@ -9,18 +9,20 @@ goes through degrees and back, which rounds it by 1e-8 m.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
 from robot_link.mission import Mission
 from simulator.ahead import readable
 from simulator.ahead.drawn import Drawn
-from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH
+from simulator.ahead.state import ROW_BELIEVED_NORTH, ROW_NORTH, ROW_TIME
 from simulator.fleet import RobotDefinition
 
 NUDGE_M_S = 1e-7
 TOLD_APART_M = 1e-3
 """In the twenty minutes of a flight the nudge alone moves a robot by a tenth of this."""
+_ROUNDING_S = 1e-6
 _DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
@@ -59,7 +61,20 @@ def _twins(
 
 
 def _rows_alike(truth: readable.ReadableFlight, twin: readable.ReadableFlight) -> int:
-    both = min(len(truth.rows), len(twin.rows))
+    both = min(len(truth.rows), len(twin.rows), _rows_before_changes_part(truth, twin))
     apart_m = np.abs(truth.rows[:both] - twin.rows[:both])[:, ROW_NORTH : ROW_BELIEVED_NORTH + 3]
     is_apart = (apart_m > TOLD_APART_M).any(axis=1)
     return int(np.argmax(is_apart)) if is_apart.any() else both
+
+
+def _rows_before_changes_part(truth: readable.ReadableFlight, twin: readable.ReadableFlight) -> int:
+    """Return how many rows lie before the first change of leg or mode that one has alone.
+
+    What is decided so narrowly may come a step later in another program, too, and is seen in the
+    way only after a while.
+    """
+    pairs = zip_longest(truth.changes, twin.changes)
+    apart_s = [min(one[0] for one in pair if one) for pair in pairs if pair[0] != pair[1]]
+    if not apart_s:
+        return len(truth.rows)
+    return int(np.searchsorted(truth.rows[:, ROW_TIME], apart_s[0] - _ROUNDING_S))
