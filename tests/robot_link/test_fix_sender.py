@@ -197,8 +197,10 @@ async def test_robot_out_of_contact_is_told_no_fix(tmp_path, monkeypatch):
 async def test_fixes_on_a_rough_late_radio_are_lost_doubled_or_late_and_never_changed(tmp_path):
     late = AirConditions(loss=0.2, duplication=0.3, delay_s=0.01, jitter_s=0.05, mac_retries=0)
     async with on_the_road(tmp_path, conditions=late) as (world, link, _):
-        program = world.robots[MINI].program
-        await sent_for(link, 20, 0.2)
-        await until(lambda: len(program.fixes) > 4)
-        sent = {number / 100.0 for number in range(20)}
+        program, sent = world.robots[MINI].program, set()
+        while len(sent) < 20 or len(program.fixes) <= 4:
+            sent.add(len(sent) / 100.0)
+            fix = fresh(ned_m=(max(sent), 0.7, 0.5))
+            assert link.send_fix(fix, lambda _: None) == ""
+            await asyncio.sleep(0.2)
         assert {round(fix.ned_m[0], 4) for fix in program.fixes} <= sent
