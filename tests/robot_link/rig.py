@@ -255,11 +255,15 @@ async def until(holds: Callable[[], object], longest_s: float = 60.0) -> None:
 
 
 async def settled(count: Callable[[], int]) -> None:
-    """Wait until what was under way has come: a count that grows no more."""
-    before = -1
-    while before != (now := count()):
-        before = now
-        await asyncio.sleep(0.1)
+    """Wait until what was under way has come: a count that grows no more.
+
+    It is looked at many times: a machine that stands still hides it from one look alone.
+    """
+    before, looks = count(), 0
+    while looks < 20:
+        await asyncio.sleep(0.005)
+        looks = looks + 1 if count() == before else 0
+        before = count()
 
 
 def pass_time(monkeypatch: "pytest.MonkeyPatch", seconds: float) -> None:

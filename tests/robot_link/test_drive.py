@@ -102,7 +102,7 @@ async def test_stick_is_acted_on_after_the_begin_alone_and_answered(tmp_path):
         await until(lambda: answers and answers[-1].tag == 7)
         assert program.sticks == [Stick(number / 10.0, -0.5) for number in range(2, 8)]
         assert answers[-1].report.acts_on == Stick(0.7, -0.5)
-        assert all(0.0 < one.round_trip_s < 5.0 for one in answers)
+        assert all(0.0 < one.round_trip_s < 60.0 for one in answers)
         await client.end()
         await client.steer(Stick(1.0), 8)
         await client.begin()

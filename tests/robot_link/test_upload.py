@@ -181,11 +181,12 @@ async def test_items_of_another_mission_than_the_offered_leave_the_plan_on_board
         count = grace.MAVLink_mission_count_message(SYSTEMS[MINI], 1, len(items))
         for message in (offer, count, *items):
             await it.air.transmit(STATION, ADDRESSES[MINI], codec.pack(message))
-        told = await refusals(heard, 1 if is_foreign else 0)
         kept = first if is_foreign else second
+        await until(lambda: plan_told(heard) == kept.sha256())
+        told = await refusals(heard, 1 if is_foreign else 0)
         assert it.robots[MINI].plans.load() == kept
         assert it.robots[MINI].program.taken == ([first] if is_foreign else [first, second])
-        await until(lambda: plan_told(heard) == kept.sha256())
+        assert plan_told(heard) == kept.sha256()
         assert told == (["the items are not the mission that was offered"] if is_foreign else [])
 
 
