@@ -10,7 +10,7 @@ import httpx
 from grace_client import AsyncStation, Patience, Station
 from grace_client.generated import STATION_VERSION
 
-QUICK = Patience(give_up_s=5.0, first_s=0.001, longest_s=0.01)
+QUICK = Patience(give_up_s=60.0, first_s=0.001, longest_s=0.01)
 Answer = Callable[[], httpx.Response] | Exception
 """Made anew for each client: a response is read once."""
 

@@ -247,11 +247,11 @@ async def test_a_modem_that_restarts_is_configured_again():
 
 
 async def test_a_restart_that_was_not_heard_is_noticed_by_asking():
-    timing = ModemTiming(echo_s=0.15, check_s=0.02, reopen_s=0.01)
+    timing = ModemTiming(echo_s=20.0, check_s=0.02, reopen_s=0.01)
     async with driving(fake := FakeModem(), timing=timing) as (_, _):
         await met(lambda: fake.count("CCCFQ"))
         fake.settings.clear()
-        await met(lambda: fake.commands.count(("CCCFG", "SRC", "1")) == 2)
+        await met(lambda: fake.commands.count(("CCCFG", "SRC", "1")) >= 2)
 
 
 async def test_a_command_that_is_not_echoed_is_sent_again():

@@ -142,7 +142,7 @@ async def cloudloop(answers):
         return THING if imei == IMEI else None
 
     async with http_peer(answers) as peer:
-        total_s = 0.3 if None in answers else 15.0
+        total_s = 0.3 if None in answers else 60.0
         gateway = CloudloopGateway(f"{peer.url}/Data/DoSendSbdMessage", TOKEN, thing_of, total_s)
         try:
             yield gateway, peer

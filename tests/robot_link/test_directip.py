@@ -40,7 +40,7 @@ class Inbox:
 
 
 @asynccontextmanager
-async def listening(inbox, *, message_s=15.0, connections=32, **options):
+async def listening(inbox, *, message_s=60.0, connections=32, **options):
     timing = ListenerTiming(message_s, rest_s=0.02, connections=connections)
     listener = Listener("127.0.0.1", 0, inbox.take, SystemClock(), timing=timing, **options)
     await listener.start()
@@ -151,7 +151,7 @@ async def test_stopping_with_a_connection_open_leaves_nothing_behind():
 
 
 @asynccontextmanager
-async def gateway_saying(answer_of, answer_s=10.0):
+async def gateway_saying(answer_of, answer_s=60.0):
     """Serve as a gateway that answers a parsed message with bytes; None lets it wait."""
     seen = []
 

@@ -231,7 +231,7 @@ def test_a_key_that_cannot_be_trusted_is_refused(pem):
 async def rockblock(answers):
     """A gateway of ours before a peer that answers each request in turn."""
     async with http_peer(answers) as peer:
-        total_s = 0.3 if None in answers else 15.0
+        total_s = 0.3 if None in answers else 60.0
         gateway = RockBlockGateway(f"{peer.url}/rockblock/MT", "ann", "s3cret-word", total_s)
         try:
             yield gateway, peer

@@ -147,7 +147,7 @@ class DigiRadio:
 async def test_a_radio_of_digis_library_serves_our_transport():
     radio = DigiRadio([TransmitStatus.SUCCESS])
     port = ScriptedPort(radio)
-    timing = XBeeTiming(signal_period_s=0.01)
+    timing = xbee.XBeeTiming(signal_period_s=0.01)
     async with running(XBeeTransport(opener(port), timing=timing)) as transport:
         await next_opening(transport)
         assert transport.max_payload == 0x40, "as the radio says, and no constant"

@@ -140,7 +140,7 @@ async def test_signal_strength_belongs_to_the_last_sender(tmp_path: Path):
     radio, other = air.robot_radio(ROBOT), air.robot_radio(Address(ROBOT + 1))
     port = XBeeTransport(
         partial(SerialPort.open, f"{tmp_path}/xbee", baud=115200, flow_control=False),
-        timing=XBeeTiming(signal_period_s=0.02),
+        timing=xbee.XBeeTiming(signal_period_s=0.02),
     )
     async with air.pty(STATION, tmp_path / "xbee"), running(port) as transport:
         await next_opening(transport)
