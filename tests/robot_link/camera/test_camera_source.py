@@ -2,6 +2,7 @@
 
 import ssl
 import time
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 
@@ -24,6 +25,12 @@ from tests.free_port import free_port
 from tests.robot_link.camera.camera_server import jpeg, noise, serving
 
 RNG = np.random.default_rng()
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch):
+    """A machine that stands still for seconds makes no camera silent."""
+    monkeypatch.setattr(http, "TIMEOUT_S", 60.0)
 
 
 def a_jpeg():
@@ -261,12 +268,20 @@ def test_a_webcam_that_is_not_there_is_told():
         next(frames("v4l2:///dev/video987"))
 
 
+@contextmanager
+def reading(uri):
+    """Read a camera, and call no more at its port once the test has ended: it may be another's."""
+    newest = Newest(camera_uri(uri), SourceSettings("tank-1", uri))
+    newest.start()
+    try:
+        yield newest
+    finally:
+        newest.has_ended = True
+
+
 def test_the_newest_picture_is_kept_and_those_that_waited_are_counted(monkeypatch):
     monkeypatch.setattr(newest_module, "_PAUSES_S", (3600.0,))  # how the source ended stays told
-    with serving(a_jpeg, 0.005) as camera:
-        uri = f"{camera.address}/stream?fps=60"
-        newest = Newest(camera_uri(uri), SourceSettings("tank-1", uri))
-        newest.start()
+    with serving(a_jpeg, 0.005) as camera, reading(f"{camera.address}/stream?fps=60") as newest:
         while newest.pictures < 30:
             time.sleep(0.01)
         frame = newest.take(1.0)
@@ -274,16 +289,14 @@ def test_the_newest_picture_is_kept_and_those_that_waited_are_counted(monkeypatc
         assert newest.dropped >= 25
         while newest.take(5.0) is None:
             pass
-    while not newest.failure:
-        time.sleep(0.01)
+        camera.is_stopped.set()
+        while not newest.failure:
+            time.sleep(0.01)
     assert "ended" in newest.failure or "breaks off" in newest.failure
 
 
 def test_a_source_that_ended_is_opened_again():
-    with serving(a_jpeg) as camera:
-        uri = f"{camera.address}/cut"
-        newest = Newest(camera_uri(uri), SourceSettings("tank-1", uri))
-        newest.start()
+    with serving(a_jpeg) as camera, reading(f"{camera.address}/cut") as newest:
         while len(camera.asked) < 2:
             time.sleep(0.02)
         while newest.failure:

@@ -20,6 +20,12 @@ RNG = np.random.default_rng()
 SIZE = (640, 400)
 
 
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch):
+    """A machine that stands still for seconds makes no camera silent."""
+    monkeypatch.setattr(stream, "TIMEOUT_S", 60.0)
+
+
 def picture():
     grey, _ = scene(RNG, SIZE, {0: (100, 120, 40), 101: (400, 250, 60)})
     colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
