@@ -31,6 +31,9 @@ _OPTIONS: Final = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 _LOG_LEVEL: Final = "OPENCV_FFMPEG_LOGLEVEL"
 _SAYS_NOTHING: Final = "-8"
 """FFmpeg's log would repeat addresses with their passwords."""
+_PROBES_NO_RATE: Final = "0"
+"""FFmpeg would look at twenty pictures for their rate before it gives the first; of a camera that
+sends four a second, or fewer, until the opening is given up."""
 _RTSP_PORT, _LINE_MAX = 554, 1024
 _FILM_KINDS: Final = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
 
@@ -39,6 +42,7 @@ def rtsp_frames(uri: RtspUri, settings: SourceSettings) -> Frames:
     """Return the pictures of a network camera as they come."""
     latency_s = uri.latency_s if settings.latency_s is None else settings.latency_s
     options = {"rtsp_transport": uri.transport, "protocol_whitelist": "rtsp,rtp,tcp,udp"}
+    options["fpsprobesize"] = _PROBES_NO_RATE
     url = _with_password(uri.url, settings)
     failure = "the camera cannot be reached, or wants another user and password"
     _refuse_redirect(uri.url, failure)

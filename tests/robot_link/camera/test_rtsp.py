@@ -1,7 +1,8 @@
 """A network camera by RTSP: its pictures come, its silence ends, its password is in no log."""
 
 import socket
-from itertools import islice
+from functools import cache
+from itertools import count, cycle, islice
 
 import cv2
 import numpy as np
@@ -26,10 +27,19 @@ def _patient(monkeypatch):
     monkeypatch.setattr(stream, "TIMEOUT_S", 60.0)
 
 
+@cache
+def pictures():
+    """Return a few pictures again and again: to draw one takes longer than to send many."""
+    drawn = []
+    for _ in range(4):
+        grey, _ = scene(RNG, SIZE, {0: (100, 120, 40), 101: (400, 250, 60)})
+        colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+        drawn.append(cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes())
+    return cycle(drawn)
+
+
 def picture():
-    grey, _ = scene(RNG, SIZE, {0: (100, 120, 40), 101: (400, 250, 60)})
-    colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    return cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+    return next(pictures())
 
 
 def frames(uri, **settings):
@@ -42,6 +52,20 @@ def test_pictures_come_by_rtsp_on_one_connection():
     assert {frame.content.shape for frame in got} == {(SIZE[1], SIZE[0], 3)}
     assert (got[0].arrived_at - got[0].taken_at).total_seconds() == pytest.approx(0.30)
     assert any("RTP/AVP/TCP" in transport for _, _, transport in camera.asked)
+
+
+def test_a_slow_camera_is_open_with_its_first_pictures(monkeypatch):
+    monkeypatch.setattr(stream, "TIMEOUT_S", 3600.0)  # what waits for more pictures does not end
+    sent = count()
+
+    def slow():
+        if next(sent) >= 4:
+            camera.is_stopped.wait()
+        return picture()
+
+    with playing(slow, SIZE) as camera:
+        got = next(frames(f"{camera.address}/h"))
+    assert got.content.shape == (SIZE[1], SIZE[0], 3)
 
 
 def test_a_wrong_password_is_told_and_is_in_no_words():
