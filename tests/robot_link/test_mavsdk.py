@@ -140,7 +140,7 @@ async def test_mavsdk_as_vehicle_takes_a_mission_and_parameters_and_serves_a_fil
         {VEHICLE: RobotEndpoint(SystemId(1), (RadioPath(uri),))},
         SystemClock(),
         lambda _event: None,
-        LinkTiming(stale_s=LONGEST_S),
+        LinkTiming(stale_s=LONGEST_S, answer_s=LONGEST_S / 4.0),
     )
     items = [
         StandardItem(
