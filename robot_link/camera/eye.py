@@ -70,8 +70,8 @@ class Eye:
         self._size: tuple[int, int] | None = None
         self._light: SourceState = "opening"
         self._last: bytes | None = None
-        self._picture_s = time.monotonic()
-        """When a new picture came, or the process began."""
+        self._picture_s = -1e9
+        """When a new picture came, or the camera was first asked for one."""
         self._rate = _Rate()
         self._told: tuple[SourceState, str] | None = None
 
@@ -79,6 +79,7 @@ class Eye:
         """Look and tell until nobody listens."""
         cv2.setNumThreads(1)
         corner_kernel.warm_up()  # before the first picture, so that none is late
+        self._picture_s = time.monotonic()
         self._newest.start()
         try:
             while True:

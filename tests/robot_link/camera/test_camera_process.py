@@ -5,12 +5,15 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from robot_link.camera import eye
 from robot_link.camera.process import COMMAND
 from robot_link.camera.sighting import (
     BoardView,
@@ -20,6 +23,7 @@ from robot_link.camera.sighting import (
     SourceReport,
     SourceSettings,
 )
+from robot_link.camera.uri import camera_uri
 from robot_link.camera.wire import HEAD, CameraReader, framed
 from tests.robot_link.camera.camera_server import jpeg, noise, serving
 from tests.robot_link.camera.drawn import board_picture, scene
@@ -205,6 +209,26 @@ def test_a_frozen_picture_is_told_and_seen_only_once(begin):
         assert again in report.words
         assert report.pictures == 1
         assert len([m for m in process.said if isinstance(m, Sighting)]) == 1
+
+
+def test_the_time_that_the_process_takes_to_load_is_no_silence_of_the_camera(monkeypatch):
+    passed_s = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: time.monotonic() + passed_s[0])
+    monkeypatch.setattr(eye, "time", clock)
+    monkeypatch.setattr(eye.corner_kernel, "warm_up", lambda: passed_s.insert(0, 100.0))
+    begin, end = os.pipe()
+    with serving(two_tags) as camera:
+        settings = SourceSettings("tank-1", f"{camera.address}/silent")
+        wishes = SimpleNamespace(settings=settings, order=Order())
+        looking = eye.Eye(camera_uri(settings.uri), wishes, end)
+        thread = threading.Thread(target=looking.run)
+        thread.start()
+        [report, *_] = CameraReader().take(os.read(begin, 65536))
+        assert report.state == "opening"
+        looking._newest.has_ended = True
+        os.close(begin)
+        thread.join()
+    os.close(end)
 
 
 def test_a_camera_that_comes_back_is_seen_again(begin):
