@@ -2,7 +2,7 @@
 
 import random
 
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
@@ -42,13 +42,18 @@ def test_a_stream_cut_anywhere_yields_every_frame(count: int, data: st.DataObjec
 
 @given(st.lists(garbage, min_size=1, max_size=5))
 def test_frames_between_garbage_are_all_found_once_the_stream_falls_silent(pieces: list[bytes]):
-    """Garbage cannot hold a frame with a right checksum but by a chance of one in 65,000."""
+    """Garbage cannot hold a frame with a right checksum but by a chance of one in 65,000.
+
+    It may begin a frame of a message that the dialect does not know, which ends where another
+    begins: nothing tells that one from a true frame.
+    """
     sent = frames(len(pieces))
     reader = MavlinkFrameReader()
     found: list[bytes] = []
     for piece, frame in zip(pieces, sent, strict=True):
         found += reader.feed(piece + frame)
     found += reader.flush()
+    assume(all(frame in sent for frame in found))
     assert [frame for frame in found if frame in sent] == sent
     assert reader.bad >= any(b"\xfd" not in piece and piece for piece in pieces)
 
