@@ -121,7 +121,8 @@ async def _ask(url: str) -> tuple[str, bool]:
     try:
         async with (
             asyncio.timeout(PATIENCE_S),
-            httpx.AsyncClient(timeout=PATIENCE_S, follow_redirects=True) as client,
+            # of two limits that are over at once the other one might be told
+            httpx.AsyncClient(timeout=None, follow_redirects=True) as client,
             client.stream("POST", url) as answer,
         ):
             words = b""
