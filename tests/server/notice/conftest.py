@@ -3,6 +3,7 @@ from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from robot_link.clock import SystemClock
 from server.access.role import Role
 from server.base.foundation import Foundation
 from server.base.settings import Settings
+from server.notice import contact, heartbeat
 from server.notice.outbox import Notices
+from server.notice.sender import Sender
 from server.station import Station, run_station
 from tests.server.conftest import application
 from tests.server.fake_link import World
@@ -24,6 +27,17 @@ from tests.server.notice.receiver import Taken
 from tests.server.station_app import bearer, token_of
 
 ORIGIN = "http://127.0.0.1:8000"
+PATIENCE_S = 200.0
+PATIENT = partialmethod(Sender.__init__, patience_s=PATIENCE_S)
+TIME_LIMITS = {"cto": "60", "rto": "200"}
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no answer come too late, however busy the machine is: it would be asked for twice."""
+    monkeypatch.setattr(Sender, "__init__", PATIENT)
+    monkeypatch.setattr(contact, "TIME_LIMITS", TIME_LIMITS)
+    monkeypatch.setattr(heartbeat, "PATIENCE_S", 60.0)
 
 
 @dataclass

@@ -11,18 +11,14 @@ import asyncio
 import os
 import signal
 import sys
-from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
 from server.base.event_bus import EventLogged
-from server.notice import delivery
+from server.notice import contact, delivery
 from server.notice.sender import Sender
 from tests.server.fake_link import World
-from tests.server.notice.conftest import notice_station
-
-PATIENT = partialmethod(Sender.__init__, patience_s=200.0)
-"""Of a sender for whom no answer comes too late, however busy the machine is."""
+from tests.server.notice.conftest import PATIENT, TIME_LIMITS, notice_station
 
 
 def die(*_: Any) -> None:
@@ -44,6 +40,7 @@ async def main(folder: Path, hook: str, moment: str, *next_hook: str) -> None:
     """Raise a leak of which ann is told, and ben ten minutes later; live until killed."""
     delivery.BACK_OFF_S = (600.0,)  # pyright: ignore[reportConstantRedefinition]
     setattr(Sender, "__init__", PATIENT)  # noqa: B010 - the type checker takes no other form
+    contact.TIME_LIMITS = TIME_LIMITS  # pyright: ignore[reportConstantRedefinition]
     async with notice_station(folder, World()) as here:
         here.foundation.bus.subscribe(EventLogged, say)
         for name, url in zip(("ann", "ben"), (hook, *next_hook), strict=False):

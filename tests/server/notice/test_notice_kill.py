@@ -14,20 +14,13 @@ from pathlib import Path
 import pytest
 
 from server.notice.delivery import REPEATED
-from server.notice.sender import Sender
 from tests.server.conftest import until
 from tests.server.fake_link import World
 from tests.server.notice.conftest import NoticeStation, move, notice_station, words
-from tests.server.notice.doomed_station import PATIENT
 from tests.server.notice.receiver import Taken, WebService, web_service
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture(autouse=True)
-def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Sender, "__init__", PATIENT)
 
 
 @asynccontextmanager

@@ -7,7 +7,6 @@ from collections.abc import AsyncIterator
 import pytest
 import pytest_asyncio
 
-from server.notice import contact
 from server.notice import sender as module
 from server.notice.contact import Address, MailServer, apprise_url
 from server.notice.sender import Message, Reply, Sender
@@ -15,9 +14,8 @@ from tests.server.notice.receiver import mail_service, web_service
 
 
 @pytest_asyncio.fixture
-async def sender(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Sender]:
+async def sender() -> AsyncIterator[Sender]:
     """For whom no answer comes too late, however busy the machine is."""
-    monkeypatch.setattr(contact, "TIME_LIMITS", {"cto": "60", "rto": "60"})
     sender = Sender(patience_s=60.0)
     await sender.warm_up()
     yield sender
