@@ -65,6 +65,12 @@ def serves(address: str, process: subprocess.Popen[bytes]) -> bool:
     return False
 
 
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no answer of the provider come too late, however busy the machine is."""
+    monkeypatch.setattr("server.access.oidc.provider.PATIENCE_S", 60.0)
+
+
 @pytest.fixture
 async def app(tmp_path: Path, issuer: str) -> AsyncIterator[FastAPI]:
     settings = {"oidc_issuer": issuer, "oidc_client_id": "grace", "oidc_client_secret": "secret"}

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import threading
 from datetime import UTC, datetime, timedelta
+from functools import partial
 
 import httpx
 import pytest
@@ -21,6 +22,7 @@ from tests.server.conftest import GRACE, MINI, until
 from tests.server.station_app import PASSWORD, bearer, client_of, token_of
 
 SOON_S = 1.0
+connect = partial(websockets.connect, open_timeout=60)
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ async def test_a_stream_ends_within_a_second_of_its_sign_in(client, address, bob
         opened_by = await ticket(client, headers=headers)
     else:
         opened_by = await ticket(bob)
-    async with websockets.connect(
+    async with connect(
         f"ws://{address}{path}?ticket={opened_by}",
         subprotocols=[f"viser-v{viser.__version__}"] if path != "/api/live" else None,
         compression=None,
@@ -98,7 +100,7 @@ def test_streams_are_looked_at_often_enough():
 
 async def test_text_from_a_client_of_the_live_stream_is_ignored(client, address):
     uri = f"ws://{address}/api/live?ticket={await ticket(client)}"
-    async with websockets.connect(uri) as stream:
+    async with connect(uri) as stream:
         await stream.send("what is this")
         for _ in range(3):
             await stream.recv()
@@ -107,15 +109,15 @@ async def test_text_from_a_client_of_the_live_stream_is_ignored(client, address)
 async def test_nobody_opens_streams_without_end(client, address, monkeypatch):
     monkeypatch.setattr(stream, "STREAMS_MAX", 1)
     uri = f"ws://{address}/api/live?ticket="
-    async with websockets.connect(uri + await ticket(client)) as first:
+    async with connect(uri + await ticket(client)) as first:
         await first.recv()
-        async with websockets.connect(uri + await ticket(client)) as second:
+        async with connect(uri + await ticket(client)) as second:
             with pytest.raises(websockets.ConnectionClosedError):
                 await second.recv()
             assert second.close_code == 1013
     watch = client.app.state.foundation.services.get(SignInWatch)
     await until(lambda: not +watch.streams)
-    async with websockets.connect(uri + await ticket(client)) as again:
+    async with connect(uri + await ticket(client)) as again:
         await again.recv()
 
 
@@ -125,9 +127,9 @@ async def test_script_that_is_called_as_a_person_takes_none_of_their_streams(
     monkeypatch.setattr(stream, "STREAMS_MAX", 1)
     uri = f"ws://{address}/api/live?ticket="
     script = {"headers": bearer(await token_of(client.app, Role.PILOT, "bob"))}
-    async with websockets.connect(uri + await ticket(client, **script)) as first:
+    async with connect(uri + await ticket(client, **script)) as first:
         await first.recv()
-        async with websockets.connect(uri + await ticket(bob)) as second:
+        async with connect(uri + await ticket(bob)) as second:
             await second.recv()
 
 
@@ -143,7 +145,7 @@ async def test_many_streams_of_one_sign_in_are_one_question(client, address, mon
     uri = f"ws://{address}/api/live?ticket="
     async with contextlib.AsyncExitStack() as streams:
         for _ in range(5):
-            stream = websockets.connect(uri + await ticket(client))
+            stream = connect(uri + await ticket(client))
             await (await streams.enter_async_context(stream)).recv()
         asked.clear()
         await until(lambda: len(asked) > 2)

@@ -30,7 +30,9 @@ RULES = {"states": {"then": "thin", "after_days": 30, "period_s": 60}}
 
 
 @pytest_asyncio.fixture
-async def app(tmp_path):
+async def app(tmp_path, monkeypatch):
+    # a look that the station takes by itself might end after one that a test asked for later
+    monkeypatch.setattr("server.storage.sizes._FIRST_AFTER_S", 1e6)
     made = create_app(Settings(data_dir=tmp_path, simulation=True), Station)
     async with made.router.lifespan_context(made):
         yield made
