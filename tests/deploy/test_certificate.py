@@ -98,10 +98,10 @@ def test_a_renewed_certificate_is_taken_up_without_a_restart_and_a_bad_one_is_no
                 .not_valid_after_utc.isoformat().replace("+00:00", "Z")
             )  # fmt: skip
             assert "max-age" in told.headers["Strict-Transport-Security"]
-            until(lambda: client.get("/api/health").json()["unacknowledged_alarms"] == 1)
+            until(lambda: client.get("/api/health").json()["unacknowledged_alarms"] >= 1)
             (tls / "fullchain.pem").write_bytes(second.certificate)  # its key is not there yet
             station.process.send_signal(signal.SIGHUP)
-            until(lambda: client.get("/api/health").json()["unacknowledged_alarms"] == 2)
+            until(lambda: client.get("/api/health").json()["unacknowledged_alarms"] >= 2)
             assert served_number(url) == first.number
             second.write(tls)
             station.process.send_signal(signal.SIGHUP)

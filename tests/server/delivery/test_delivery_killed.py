@@ -114,13 +114,18 @@ def test_what_a_station_that_was_killed_offers_is_whole_and_it_delivers_anew(pre
             if packages == before:
                 assert (ended["state"], "start it again" in ended["message"]) == ("failed", True)
         again = station.deliver()
-        wait_for(lambda: station.ask("GET", f"/api/jobs/{again}")["state"] != "running")
-        ended = station.ask("GET", f"/api/jobs/{again}")
+        ended = wait_for(partial(end_of, station, again))
         assert ended["state"] == "done", ended["message"]
         after, _ = station.offered()
         assert len(after - packages) == 1
     finally:
         station.end(signal.SIGTERM)
+
+
+def end_of(station, job):
+    """Return a job once it has ended."""
+    told = station.ask("GET", f"/api/jobs/{job}")
+    return None if told["state"] in {"queued", "running"} else told
 
 
 def delivering(station, folder, pattern):
