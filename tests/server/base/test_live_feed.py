@@ -143,23 +143,30 @@ async def test_client_that_knows_more_than_the_feed_gets_nothing_twice(feed, sto
     assert client.events == ["three"]
 
 
-async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(
-    feed, store, monkeypatch
-):
+async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(store, monkeypatch):
+    query, is_broken = store.query, False
+
+    async def failing(function):
+        """Fail what was begun before, too."""
+        found = await query(function)
+        if is_broken:
+            raise OperationalError("select", {}, OSError("disk I/O error"))
+        return found
+
+    monkeypatch.setattr(store, "query", failing)
+    feed, log = feed_of(store)
     client = Client(feed)
-    await client.until(lambda: client.batches)
-
-    async def fail(function):
-        raise OperationalError("select", {}, OSError("disk I/O error"))
-
-    with monkeypatch.context() as broken:
-        broken.setattr(store, "query", fail)
+    async with beating(feed, log):
+        await client.until(lambda: client.batches)
+        is_broken = True
         await happen(store, "while it failed")
         feed.put("robots", "mini-1", lambda: {"depth_m": 2.0}, "mini-1")
         await client.until(lambda: any(batch["robots"] for batch in client.batches))
         await asyncio.sleep(0.3)
         assert client.events == []
-    await client.until(lambda: client.events == ["while it failed"])
+        is_broken = False
+        await client.until(lambda: client.events == ["while it failed"])
+    await asyncio.gather(client.task, return_exceptions=True)
 
 
 async def test_stream_begins_once_the_log_can_be_read_and_tells_nobody_what_was_before(

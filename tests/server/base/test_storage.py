@@ -19,7 +19,7 @@ def _known_fleet():
 
 @contextmanager
 def locked(folder):
-    other = sqlite3.connect(folder / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(folder / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     try:
         yield

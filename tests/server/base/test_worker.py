@@ -95,6 +95,7 @@ async def test_all_processes_but_one_end_when_they_have_nothing_to_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(worker_module, "UNUSED_S", 0.05)
+    monkeypatch.setattr(worker_module, "CANCEL_GRACE_S", 60.0)
     several = WorkerPool(3)
     started: asyncio.Queue[int] = asyncio.Queue()
     tasks = [

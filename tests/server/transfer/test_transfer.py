@@ -42,7 +42,7 @@ def _hasty(monkeypatch):
 @contextmanager
 def locked(tmp_path):
     """Let another program hold the database."""
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     try:
         yield
@@ -130,7 +130,7 @@ async def test_draft_that_storage_did_not_take_is_closed_once_it_works(
 ):
     ledger = station.plans
     add = ledger.add
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
 
     async def add_then_fail(*args, **kwargs):
         plan = await add(*args, **kwargs)
