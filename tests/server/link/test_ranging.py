@@ -21,6 +21,7 @@ from server.station import Station
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
 from tests.robot_link.test_acoustic_modem import (
     HASTE,
+    PATIENT,
     SOON_SILENT,
     FakeModem,
     replying,
@@ -39,7 +40,7 @@ NEAR = {"range_max_m": 1.0, "turnaround_s": 0.0, "period_s": 5.0}
 
 
 @asynccontextmanager
-async def ranging(tmp_path, fake, reports, timing=SOON_SILENT):
+async def ranging(tmp_path, fake, reports, timing=PATIENT):
     """Ranging of a station whose robots share one modem, on a clock that runs 20 times as fast."""
     opened = []
 
@@ -107,7 +108,7 @@ async def test_each_robot_is_asked_and_its_answer_is_kept(tmp_path):
 
 async def test_silence_is_kept_as_a_range_that_is_not_valid(tmp_path):
     reports = []
-    async with ranging(tmp_path, FakeModem(), reports) as service:
+    async with ranging(tmp_path, FakeModem(), reports, SOON_SILENT) as service:
         await service.set_robots([robot((LINK,))])
         await shown(reports, GRACE, LinkState.NEVER_HEARD)
         (found, *_) = await kept(service.store, GRACE, 1)
