@@ -13,6 +13,7 @@ from db.fault import StoreUnavailableError
 from robot_link.drive import CENTRE, Stick
 from robot_link.messages import LinkReport, LinkState, RobotMode
 from server.access.role import Role
+from server.drive import drives
 from server.drive.route import REFUSED
 from server.fleet.capability import SPEED_MAX, drive_refusal
 from server.fleet.fleet import Fleet
@@ -23,6 +24,12 @@ from tests.server.lease.conftest import act, person_at
 from tests.server.station_app import token_of
 
 AHEAD = {"forward": 1.0, "turn": -0.5, "up": 0.0}
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch):
+    """Let a drive wait for its pilot on a machine that stands still."""
+    monkeypatch.setattr(drives, "RELEASE_S", 600.0)
 
 
 @pytest_asyncio.fixture
@@ -42,7 +49,9 @@ async def header(client, role=Role.PILOT, name="bob"):
 async def cockpit(client, address, robot=MINI, headers=None, **who):
     uri = f"ws://{address}/api/robots/{robot}/drive"
     headers = headers or await header(client, **who)
-    async with websockets.connect(uri, additional_headers=headers, compression=None) as socket:
+    async with websockets.connect(
+        uri, additional_headers=headers, compression=None, open_timeout=60
+    ) as socket:
         yield socket
 
 
