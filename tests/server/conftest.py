@@ -25,6 +25,7 @@ from server.app import create_app
 from server.base.foundation import Foundation
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
+from server.command import commands
 from server.plan import install as plan
 from server.plan.dry_run import DryRuns
 from server.station import Station, run_station
@@ -145,6 +146,12 @@ def _cold_worker(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
     monkeypatch.setattr(plan, "warm_up", stay_cold)
+
+
+@pytest.fixture(autouse=True)
+def _written_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let an order to surface be written down before it leaves, however slow the disk is."""
+    monkeypatch.setattr(commands, "_WRITE_PATIENCE_S", 30.0)
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,6 @@ from server.access.role import Role
 from server.base import foundation, wakeups
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.command import commands
 from server.station import Station, run_station
 from tests.server.conftest import GRACE, OpenStation, api_client, until
 from tests.server.fake_link import state_report
@@ -48,7 +47,6 @@ async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
     """Run a station on the sky's clock whose lake robot was heard by satellite just now."""
     monkeypatch.setattr(foundation, "read_clock", lambda _: sky.clock)
     monkeypatch.setattr(wakeups, "LONGEST_S", 0.02)  # of a clock that tests turn
-    monkeypatch.setattr(commands, "_WRITE_PATIENCE_S", 30.0)
     give_links(tmp_path, links)
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(

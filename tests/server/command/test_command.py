@@ -7,6 +7,7 @@ import pytest
 from db.query.mission.commands import add_command, list_commands
 from db.query.mission.missions import get_mission
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, CommandReport
+from server.command import commands
 from server.transfer.state import TransferEvidence, WithdrawnError, apply
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
 
@@ -68,6 +69,7 @@ async def test_surface_reaches_the_radio_although_the_database_is_locked(
     client, station, world, tmp_path, monkeypatch
 ):
     """It leaves while the database is still being waited for, not after that has failed."""
+    monkeypatch.setattr(commands, "_WRITE_PATIENCE_S", 0.1)
     store, may_fail = station.foundation.store, asyncio.Event()
     write = store.write
 
@@ -76,7 +78,7 @@ async def test_surface_reaches_the_radio_although_the_database_is_locked(
         return await write(change)
 
     monkeypatch.setattr(store, "write", write_late)
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     ordering = asyncio.create_task(
         client.post("/api/robots/mini-1/commands", json={"kind": "surface"})
@@ -105,7 +107,7 @@ async def test_unwritten_surface_order_ends_the_automation_once_storage_works(
     mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
     await until(lambda: world.robots[MINI].state.name == "RUNNING")
     world.in_reach = False
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     await order(client)
     other.execute("ROLLBACK")
@@ -118,7 +120,7 @@ async def test_unwritten_surface_order_ends_the_automation_once_storage_works(
 
 
 async def test_other_orders_are_refused_while_the_database_is_locked(client, world, tmp_path):
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     answer = await client.post("/api/robots/mini-1/commands", json={"kind": "hold"})
     other.execute("ROLLBACK")
@@ -128,13 +130,13 @@ async def test_other_orders_are_refused_while_the_database_is_locked(client, wor
 
 
 async def test_surface_purges_the_automation_of_that_robot(client, station, world, workers):
+    world.robots[MINI].may_fly.clear()
     mission = (
         await client.post(
             "/api/robots/mini-1/missions",
             json={"kind": "adaptive_survey", "config": FAST, "automation": True},
         )
     ).json()["id"]
-    world.robots[MINI].may_fly.clear()
 
     async def running():
         return (await client.get(f"/api/missions/{mission}")).json()["state"] == "running"
