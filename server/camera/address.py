@@ -1,8 +1,12 @@
 """What a camera's URI must be before its process is given it, in words that repeat no secret."""
 
+import re
+from typing import Final
 from urllib.parse import urlsplit
 
 from robot_link.camera.uri import camera_uri
+
+_SHORTEST_SECRET: Final = 3
 
 
 def checked_uri(uri: str) -> str:
@@ -19,9 +23,17 @@ def checked_uri(uri: str) -> str:
         camera_uri(uri)
     except ValueError as error:
         words = str(error)
-        told = words.removeprefix(f"{uri}: ") if words.startswith(f"{uri}: ") else "is no camera"
+        told = words.removeprefix(f"{uri}: ") if words.startswith(f"{uri}: ") else ""
+        if not told or ("@" in uri and _repeats(told, uri)):
+            told = "is no camera"
         raise ValueError(told) from None
     return uri
+
+
+def _repeats(told: str, uri: str) -> bool:
+    """Tell whether words repeat a part of a URI, which may be a password where it has an ``@``."""
+    parts = re.split("[:/?#&=@]", uri.partition(":")[2])
+    return any(len(part) >= _SHORTEST_SECRET and part in told for part in parts)
 
 
 def source_of(uri: str) -> str:

@@ -1,7 +1,7 @@
 """Whatever somebody writes as a layout or an address, it is taken or refused in words."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -72,6 +72,9 @@ def complaint(uri):
     st.text(max_size=20),
     st.text(max_size=20),
 )
+@example("folder:", "a?", "")
+@example("v4l2:///dev/", "video0?size=", "")
+@example("http://", "127.0.0.1/?fps=", "")
 def test_any_address_is_a_cameras_or_refused_without_its_secret(scheme, first, last):
     uri = f"{scheme}{first}:{SECRET}@{last}"
     said = complaint(uri)
