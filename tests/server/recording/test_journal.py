@@ -1,4 +1,5 @@
 import asyncio
+import math
 import os
 import random
 import subprocess
@@ -23,6 +24,7 @@ from robot_link.messages import LogId, RawFrame, RobotId, SystemId
 from robot_link.sample_log import MemorySampleLog
 from robot_link.transport.datagram import Address
 from server.base.settings import Settings
+from server.fleet.fleet import Fleet
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
 from server.station import Station, run_station
@@ -68,10 +70,14 @@ async def folder(tmp_path):
             log=MemorySampleLog(LogId(1)),
             plans=MemoryPlanStore(),
         )
-        async with run_station(settings, Station):
+        async with run_station(settings, Station) as running:
             serving = asyncio.create_task(robot.run())
+            # before it knows the station, only the newest of its reports waits, and may be lost
+            await until(lambda: math.isfinite(robot.last_heard_station_s))
             await talk(robot)
             await until(lambda: not robot.unacknowledged_samples)
+            fleet = running.foundation.services.get(Fleet)
+            await until(lambda: fleet.status(MINI).plan_report)
             serving.cancel()
             with suppress(asyncio.CancelledError):
                 await serving
