@@ -29,7 +29,12 @@ from tests.server.conftest import MINI, open_station, until
 from tests.server.dive import begin_of, dive
 from tests.server.fake_link import World
 
-look_from, looks = smoothing.Smoothing._look_from, []
+look, look_from, looks = smoothing.Smoothing.look, smoothing.Smoothing._look_from, []
+is_told = asyncio.Event()
+
+
+async def look_once_all_is_told(self, robot):
+    return await look(self, robot) if is_told.is_set() else 0  # it is asked again
 
 
 async def stop_at_the_second(self, robot, begin, fix):
@@ -55,6 +60,7 @@ async def main():
             for one in dive(MINI, begin + timedelta(seconds=100 * number), first=20 * number):
                 world.tell(one)
         await until(lambda: station.maps.group(MINI).live.total == 80)
+        is_told.set()  # from the second look on nothing is fed any more
         job = await station.learning.start(MINI, "blue_light", by="test")
         await until(lambda: len(looks) > 1)
         (worker,) = await until(station.study_workers.process_ids)
@@ -64,6 +70,7 @@ async def main():
 
 plan.warm_up = stay_cold
 field_maps.QUIET_S, smoothing.ROWS_PER_LOOK = 0.1, 40
+smoothing.Smoothing.look = look_once_all_is_told
 smoothing.Smoothing._look_from = stop_at_the_second
 learning.MapLearning._keep = keep_nothing
 asyncio.run(main())
