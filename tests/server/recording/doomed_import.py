@@ -52,7 +52,9 @@ async def main(folder: Path, blocks: int = 0) -> None:
 
     async def committed(*args: Any, **named: Any) -> Any:
         say("committed")
-        return await learn(*args, **named)
+        found = await learn(*args, **named)
+        await asyncio.sleep(600.0)  # it is not over before it is killed, however fast it is
+        return found
 
     imported.insert_samples, foreign.learn_maps = told, committed
     imported.BATCH_ROWS = BATCH_ROWS
@@ -64,7 +66,6 @@ async def main(folder: Path, blocks: int = 0) -> None:
         body = {"robot": "eva", "mapping": proposal["mapping"]}
         path = f"/api/imports/uploads/{proposal['upload']}"
         await ended(client, await client.post(path, json=body))
-        await asyncio.sleep(60.0)
 
 
 if __name__ == "__main__":
