@@ -3,13 +3,9 @@
 import asyncio
 from datetime import UTC, datetime, timedelta
 
-import pytest
-
 from db.query.mission.checklists import standing_runs
 from db.query.station.events import newest_events
-from robot_link.clock import SystemClock
 from server.access.role import Role
-from server.base import wakeups
 from server.checklist.delivered import DELIVERED
 from server.checklist.state import TRANSITIONS
 from tests.server.checklist.begun import (
@@ -163,14 +159,6 @@ async def test_overruling_needs_a_reason_and_what_turns_bad_later_blocks_again(
         return "leak" in now["open_blocking"] and not now["lets_start"]
 
     await until(wet)
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    monkeypatch.setattr(wakeups, "LONGEST_S", 0.05)
-    moved = [timedelta()]
-    monkeypatch.setattr(SystemClock, "now", lambda _: datetime.now(UTC) + moved[0])
-    return moved
 
 
 async def test_list_of_yesterday_counts_no_more_today(clock, client, world, station):

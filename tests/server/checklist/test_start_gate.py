@@ -134,17 +134,19 @@ async def test_surface_now_is_never_gated(client, world):
     assert {kind for _, kind, _ in world.commands} == {CommandKind.SURFACE}
 
 
-async def test_scheduled_send_waits_for_the_list_and_goes_once_it_is_complete(client, world):
+async def test_scheduled_send_waits_for_the_list_and_goes_once_it_is_complete(clock, client, world):
     await require(client)
     await ready(client, world)
     plan = await drafted(client)
     now = datetime.now(UTC)
     wish = {
-        "condition": {"kind": "time", "at": (now + timedelta(seconds=5)).isoformat()},
+        "condition": {"kind": "time", "at": now.isoformat()},
         "expires_at": (now + timedelta(minutes=30)).isoformat(),
     }
+    clock[0] = timedelta(seconds=-30)  # for the station, now is still to come
     answer = await client.post(f"/api/plans/{plan}/schedule", json=wish)
     assert answer.status_code == 201, answer.text
+    clock[0] = timedelta()
 
     async def held():
         (send,) = (await client.get(f"/api/robots/{MINI}/schedule")).json()["sends"]
