@@ -35,6 +35,7 @@ from server.cli.http_server import HttpServer
 from server.station import Station, run_station
 from tests.server.conftest import DATABASE, MINI, until
 from tests.server.fake_link import World, current_report, state_report
+from tests.server.station_app import AT_WILL
 
 KNOWN = {
     "robot": "mini-1", "plan": "plan-1", "mission": "mission-1", "job": "job-1",
@@ -109,7 +110,7 @@ def _station(database: Path, folder: Path) -> Generator[Served]:
 @asynccontextmanager
 async def _serving(folder: Path) -> AsyncGenerator[Served]:
     world = World()
-    settings = Settings(data_dir=folder, simulation=True, worker_processes=1)
+    settings = Settings(data_dir=folder, simulation=True, worker_processes=1, **AT_WILL)
     app = create_app(settings)
     async with run_station(settings, lambda base: Station(base, world.make_link)) as running:
         app.state.foundation = running.foundation

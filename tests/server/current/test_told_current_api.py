@@ -21,7 +21,7 @@ async def read(client, path, name="model.nc"):
     """Import a file and return its job when that has ended."""
     answer = await client.post(f"{URL}/imports", files={"file": (name, path.read_bytes())})
     assert answer.status_code == 202, answer.text
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(120):
         while True:
             job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
             if job["state"] not in {"queued", "running"}:

@@ -382,7 +382,6 @@ async def test_killed_rehearsal_process_leaves_the_draft(client, station):
 
 async def test_simulated_robot_rehearses_dives_near_to_the_plan(client, station, monkeypatch):
     """The real rehearsal, in a process of its own."""
-    monkeypatch.setattr(dry_run, "LIMIT_S", 60.0)
     monkeypatch.setattr(dry_run, "RUNS", 1)
     draft = await plan_in(client, await laid_out(client), "draft", timeout_s=280.0)
     found = draft["rehearsal"]

@@ -56,7 +56,7 @@ async def test_plan_cites_the_version_of_the_settings_it_was_made_with(client):
 
 
 async def test_no_plan_is_accepted_while_storage_fails(client, station, tmp_path):
-    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}]}
     refused = await client.post("/api/robots/mini-1/plans", json=body)

@@ -336,7 +336,7 @@ async def test_a_robot_that_never_said_where_it_is_gets_no_plan(client):
 
 
 async def test_nothing_is_begun_while_storage_fails(client, tmp_path):
-    blocker = sqlite3.connect(tmp_path / "station.sqlite3")
+    blocker = sqlite3.connect(tmp_path / "station.sqlite3", timeout=60)
     blocker.execute("BEGIN EXCLUSIVE")
     try:
         answer = await ask(client)

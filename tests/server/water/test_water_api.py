@@ -17,7 +17,7 @@ async def read(client, name, content, **form):
     """Import a file and return its job when that has ended."""
     answer = await client.post("/api/waters/imports", data=form, files={"file": (name, content)})
     assert answer.status_code == 202, answer.text
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(120):
         while True:
             job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
             if job["state"] not in {"queued", "running"}:
