@@ -13,5 +13,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[timedelta]:
     """By how much the station's clock is ahead, as the only item; tests change it."""
     monkeypatch.setattr(wakeups, "LONGEST_S", 0.05)
     moved = [timedelta()]
-    monkeypatch.setattr(SystemClock, "now", lambda _: datetime.now(UTC) + moved[0])
+
+    def now(_: SystemClock) -> datetime:
+        return datetime.now(UTC) + moved[0]
+
+    monkeypatch.setattr(SystemClock, "now", now)
     return moved
