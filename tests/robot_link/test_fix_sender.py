@@ -198,7 +198,7 @@ async def test_fixes_on_a_rough_late_radio_are_lost_doubled_or_late_and_never_ch
     late = AirConditions(loss=0.2, duplication=0.3, delay_s=0.01, jitter_s=0.05, mac_retries=0)
     async with on_the_road(tmp_path, conditions=late) as (world, link, _):
         program, sent = world.robots[MINI].program, set()
-        while len(sent) < 20 or len(program.fixes) <= 4:
+        while len(program.fixes) < 8:
             sent.add(len(sent) / 100.0)
             fix = fresh(ned_m=(max(sent), 0.7, 0.5))
             assert link.send_fix(fix, lambda _: None) == ""
