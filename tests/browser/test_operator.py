@@ -8,7 +8,16 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, SIZES, expect_scene, hold, open_page, requests_of, shoot
+from tests.browser.walk import (
+    CHROMIUM,
+    SIZES,
+    ask_for_a_sure_plan,
+    expect_scene,
+    hold,
+    open_page,
+    requests_of,
+    shoot,
+)
 
 pytestmark = [
     pytest.mark.browser,
@@ -49,8 +58,7 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo, station):
     expect(page.get_by_role("button", name="Plan a survey for mini-1")).to_be_enabled()
     page.get_by_label("Total energy budget").fill("14")
     page.get_by_label("Energy budget of a round").fill("14")
-    page.get_by_label("Planning time").fill("6")
-    page.get_by_role("button", name="Plan a survey for mini-1").click()
+    ask_for_a_sure_plan(page, "mini-1")
     expect(page.get_by_text("No limit is violated.")).to_be_visible(timeout=240_000)
     expect(page.get_by_text("until 14 energy units are spent")).to_be_visible()
     look_at_the_draft(page)

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from tests.browser.crew import act, charge, name_of, second_pilot
 from tests.browser.figure import Journey
 from tests.browser.person import Person
-from tests.browser.walk import CHROMIUM, expect_done, hold, open_page
+from tests.browser.walk import CHROMIUM, ask_for_a_sure_plan, expect_done, hold, open_page
 
 pytestmark = [
     pytest.mark.browser,
@@ -81,11 +81,11 @@ def test_two_pilots_want_one_robot(browser, calm, screen):
         # 2. The second may look and draft; to send is refused with the reason.
         note = ben.get_by_text(f"{me} is in charge of mini-1; request it from them first.")
         expect(note.first).to_be_visible()
-        ben.get_by_role("button", name="Plan a survey for mini-1").click()
+        ask_for_a_sure_plan(ben, "mini-1")
         send = ben.get_by_role("button", name=SEND)
         expect(send).to_be_disabled()
         state = ben.get_by_role("list", name="State of the plan")
-        expect(state).to_contain_text(re.compile(r"Draft\s*\d\d:\d\d:\d\dZ"))
+        expect(state).to_contain_text(re.compile(r"Draft\s*\d\d:\d\d:\d\dZ"), timeout=240_000)
         expect(send).to_be_disabled()
         expect(send).to_have_attribute(
             "title", re.compile(f"{re.escape(me)} is in charge of mini-1")

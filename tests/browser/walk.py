@@ -123,6 +123,17 @@ _RENAME = """async ([robot, name]) => {
 }"""
 
 
+def ask_for_a_sure_plan(page: Page, robot: str) -> None:
+    """Plan a survey with the form as it is, but for what may leave a search without a plan.
+
+    That is a robot that believes little of what it knows of its place, by chance, and a machine
+    that is so busy that a search of some seconds hardly begins.
+    """
+    page.get_by_label("Maximum position uncertainty").fill("5")
+    page.get_by_label("Planning time").fill("20")
+    page.get_by_role("button", name=f"Plan a survey for {robot}").click()
+
+
 def expect_done(page: Page) -> None:
     """Wait until the robot said that it carries the order out; the row stands from the press on."""
     steps = page.get_by_role("list", name="Progress of the order")
