@@ -248,7 +248,9 @@ def numbers_stored(data, carrier):
 
     What their signatures did not prove is nobody's, and not among them.
     """
-    with sqlite3.connect(f"file:{data / 'station.sqlite3'}?mode=ro", uri=True) as database:
+    with sqlite3.connect(
+        f"file:{data / 'station.sqlite3'}?mode=ro", uri=True, timeout=LIMIT_S
+    ) as database:
         heard = database.execute(
             "SELECT data FROM raw_frame WHERE NOT outgoing AND carrier = ? AND robot_key NOTNULL"
             " ORDER BY key", (carrier,)
