@@ -124,7 +124,7 @@ def listening_ports():
 async def test_a_scene_has_no_port_and_its_socket_is_for_this_user_alone(client, station):
     before = listening_ports()
     scene = await station.foundation.services.get(SceneHost).scene(GRACE)
-    assert listening_ports() == before
+    assert listening_ports() <= before  # what an earlier test left may close meanwhile
     assert stat.S_ISSOCK(scene.socket.stat().st_mode)
     assert stat.S_IMODE(scene.socket.parent.stat().st_mode) == 0o700
 
