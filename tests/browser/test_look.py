@@ -14,9 +14,13 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
 
-FIRST_LOAD_BYTES = 215_000
-"""Without what robots did until now, which grows with time, to 600 points a robot at most."""
+FIRST_LOAD_BYTES = 207_500
+"""Without what robots did until now, which grows with time, to 600 points a robot at most, and
+without how robots do now, which is longer or shorter by chance."""
 GROWING = re.compile("/(track|samples)[?]")
+NOW = re.compile("/api/(alarms|automation|health|leases|robots)")
+NOW_BYTES = 16_000
+"""Of two robots; 8,000 while nothing is wrong with any of them."""
 SIZES = [(1600, 950), (820, 1180), (360, 780)]
 GLIDE_CSV = """time,latitude,longitude,depth,temperature
 2026-08-01T10:00:00Z,42.70000,-84.40000,0.2,21.5
@@ -47,7 +51,9 @@ def test_the_first_page_is_light_and_says_nothing_on_the_console(fresh, calm):
     open_page(fresh, calm, "/")
     expect(fresh.locator(".leaflet-container").first).to_be_visible()
     fresh.wait_for_load_state("networkidle")
-    assert sum(sizes.values()) <= FIRST_LOAD_BYTES, sizes
+    now = {url: size for url, size in sizes.items() if NOW.search(url)}
+    assert sum(now.values()) <= NOW_BYTES, now
+    assert sum(sizes.values()) - sum(now.values()) <= FIRST_LOAD_BYTES, sizes
     assert not any("/view/" in url or "/Control-" in url for url in sizes)
     assert said == []
 
@@ -90,17 +96,20 @@ def test_charts_take_the_colours_of_the_theme_that_was_chosen(screen, calm):
     """The depth of a robot is drawn in the theme's colour of text."""
     screen.set_viewport_size({"width": 1600, "height": 950})
     open_page(screen, calm, "/robot/mini-1")
-    chart = screen.get_by_role("img", name="Depth of mini-1").locator("canvas").first
-    expect(chart).to_be_visible()
+    chart = '[role="img"][aria-label^="Depth of mini-1"] canvas'
+    expect(screen.locator(chart).first).to_be_visible()
     screen.get_by_role("button", name="demo").click()
     screen.get_by_text("Night red", exact=True).first.click()
-    reddish = """canvas => {
+    # looked for each time: a chart is made anew for another theme
+    reddish = """chart => {
+      const canvas = document.querySelector(chart);
+      if (canvas === null) return false;
       const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
       for (let i = 0; i < data.length; i += 4)
         if (data[i + 3] > 200 && data[i + 1] > 190 && data[i + 2] > 190) return false;
       return true;
     }"""
-    screen.wait_for_function(f"each => ({reddish})(each)", arg=chart.element_handle())
+    screen.wait_for_function(reddish, arg=chart)
     screen.get_by_role("button", name="demo").click()
     screen.get_by_text("Dark", exact=True).first.click()
 
