@@ -6,6 +6,7 @@ again for every picture: ``level_m``, ``slope_deg``, and for each camera ``turne
 ``moved_m``; ``shows`` is the id of the tag of the latency check that a screen shows.
 """
 
+import itertools
 import json
 import math
 import os
@@ -34,7 +35,8 @@ from tests.autonomy.vision.boards import drawn_views
 from tests.autonomy.vision.tank import overhead_cameras, see, surveyed, tank_layout
 
 PERIOD_S = 0.1062
-"""Never in step with a screen: any sixteen pictures one after another come evenly over its step."""
+"""Never in step with a screen: any sixteen pictures one after another come evenly over its step.
+None is left out, however late the process runs."""
 LATENCY_S = 0.03
 SURVEY_SEED = 7
 
@@ -70,7 +72,7 @@ class Tank:
     def say(self, message) -> None:
         os.write(1, framed(message))
 
-    def picture(self) -> None:
+    def picture(self, taken: datetime) -> None:
         self.frame += 1
         world = json.loads(self.world.read_text())
         camera = true_camera(self.name, world)
@@ -82,7 +84,6 @@ class Tank:
             level_m=world.get("level_m", 0.0),
             slope_rad=np.radians(world.get("slope_deg", 0.0)),
         )
-        taken = datetime.now(UTC)
         tags = [told(one.tag_id, one.corners_px, one.sigma_px) for one in seen]
         since_s = taken.timestamp() - world.get("begun", math.inf)
         if since_s >= 0.0:
@@ -130,10 +131,11 @@ def main() -> None:
         tank.order = order
     threading.Thread(target=listen, args=(tank, reader), daemon=True).start()
     tank.say(SourceReport(tank.name, "running", "", 0, 0, {}, tank.size, 10.0))
-    begun_s = time.monotonic()
-    while True:
-        tank.picture()
-        time.sleep(PERIOD_S - (time.monotonic() - begun_s) % PERIOD_S)
+    begun_s = time.time()
+    for number in itertools.count(1):
+        due_s = begun_s + number * PERIOD_S
+        time.sleep(max(0.0, due_s - time.time()))
+        tank.picture(datetime.fromtimestamp(due_s, UTC))
 
 
 if __name__ == "__main__":

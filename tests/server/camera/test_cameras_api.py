@@ -16,6 +16,7 @@ from server.camera.cameras import Cameras
 from server.camera.rig import CameraRig, origin_of
 from server.camera.vision import lens_document, rig_document, rig_of
 from tests.autonomy.vision.tank import LENS, overhead_cameras, tank_layout
+from tests.server.camera.test_supervision import holders_of
 from tests.server.conftest import api_client
 
 URI = "http://127.0.0.1:9/camera/1?fps=10"
@@ -27,14 +28,6 @@ TOP = {"id": 0, "size_m": 0.1, "position_m": [0.02, 0.0, -0.085]}
 
 def tags(*layout, bundles=()):
     return {"layout": {"tags": list(layout)}, "bundles": list(bundles)}
-
-
-def holders_of(text, folder):
-    return [
-        file.relative_to(folder)
-        for file in folder.rglob("*")
-        if file.is_file() and text.encode() in file.read_bytes()
-    ]
 
 
 async def added(client, camera="tank-1", uri=URI):
@@ -116,7 +109,7 @@ async def test_a_password_is_in_the_secret_folder_alone(client, station, caplog)
     events = await client.get("/api/events")
     assert PASSWORD not in camera.text + events.text + caplog.text
     folder: Path = station.foundation.settings.data_dir
-    assert holders_of(PASSWORD, folder) == [Path("secret/camera-tank-1")]
+    assert holders_of(PASSWORD.encode(), folder) == [folder / "secret/camera-tank-1"]
     await client.delete("/api/cameras/tank-1")
     assert not (folder / "secret/camera-tank-1").exists()
 

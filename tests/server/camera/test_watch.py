@@ -67,6 +67,7 @@ async def test_a_camera_that_was_moved_is_left_out_after_a_restart(
     await until(is_kept)
     text = "tank-1 has moved, by about 0.3 deg or 9 mm."
     await foundation.alarms.raise_("camera-moved:tank-1", text, level="warning")
+    await foundation.alarms.save_waiting()
     monkeypatch.setattr(extra, "find_spec", lambda _: None)  # no picture tells anything else
     async with open_station(tmp_path, world) as again:
         services = again.foundation.services
