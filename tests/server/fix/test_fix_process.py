@@ -6,6 +6,7 @@ import sys
 from datetime import datetime
 
 import numpy as np
+import pytest
 
 from db.query.camera.fixes import list_fixes
 from db.store import Store
@@ -16,6 +17,7 @@ from tests.server.fix.camera_stand_in import pose_at
 TOLD = 15
 
 
+@pytest.mark.timeout(600)
 async def test_a_killed_station_loses_no_fix_that_it_told(tmp_path):
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "tests.server.fix.station_process", str(tmp_path),
@@ -23,7 +25,7 @@ async def test_a_killed_station_loses_no_fix_that_it_told(tmp_path):
     )  # fmt: skip
     assert process.stdout is not None
     try:
-        async with asyncio.timeout(150):
+        async with asyncio.timeout(400):
             lines = [await process.stdout.readline() for _ in range(TOLD)]
     finally:
         process.send_signal(signal.SIGKILL)

@@ -390,6 +390,7 @@ async def test_alarms_of_before_a_restart_end_where_nothing_is_wrong(
     await foundation.alarms.raise_("fusion", "Robots are not found.")
     await foundation.alarms.raise_("fusion:robots", "More than can be followed.", level="watch")
     await foundation.alarms.raise_(CAUSE, "It is 2.0 m from where cameras see it.", robot=MINI)
+    await foundation.alarms.save_waiting()
     async with open_station(tmp_path, world) as again:
         alarms = again.foundation.alarms
         for cause, robot in (("fusion", None), ("fusion:robots", None), (CAUSE, "mini-1")):
