@@ -297,14 +297,18 @@ async def test_every_operation_is_described_and_names_its_errors(client):
 
 
 def stream_of(client, address):
-    return websockets.connect(f"ws://{address}/api/live", additional_headers=bearer(client.secret))
+    return websockets.connect(
+        f"ws://{address}/api/live", additional_headers=bearer(client.secret), open_timeout=60
+    )
 
 
 async def test_live_stream_tells_gauges_plans_and_missions_in_the_shapes_of_rest(
     client, address, world
 ):
     uri = f"ws://{address}/api/live?after=0"
-    async with websockets.connect(uri, additional_headers=bearer(client.secret)) as stream:
+    async with websockets.connect(
+        uri, additional_headers=bearer(client.secret), open_timeout=60
+    ) as stream:
         first = json.loads(await stream.recv())
         assert set(first["robots"]) == {"mini-1", "grace-1"}
         assert [event["cursor"] for event in first["events"]] == sorted(
@@ -315,7 +319,7 @@ async def test_live_stream_tells_gauges_plans_and_missions_in_the_shapes_of_rest
         )
         parts = {"robots": LiveRobotView, "plans": LivePlanView, "missions": LiveMissionView}
         seen = set()
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(120):
             while seen != set(parts):
                 batch = json.loads(await stream.recv())
                 for section, view in parts.items():
@@ -327,7 +331,9 @@ async def test_live_stream_tells_gauges_plans_and_missions_in_the_shapes_of_rest
 
 async def test_live_stream_of_one_robot_is_silent_about_the_others(client, address, world):
     uri = f"ws://{address}/api/live?robots=grace-1"
-    async with websockets.connect(uri, additional_headers=bearer(client.secret)) as stream:
+    async with websockets.connect(
+        uri, additional_headers=bearer(client.secret), open_timeout=60
+    ) as stream:
         assert set(json.loads(await stream.recv())["robots"]) == {"grace-1"}
         world.tell(state_report(MINI))
         world.tell(state_report(GRACE, (200.0, 200.0, 0.0), mode=RobotMode.HOLDING))

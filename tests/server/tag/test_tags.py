@@ -1,6 +1,5 @@
 """Tags over REST: heard live, imported, listed, exported, and found where they rest."""
 
-import asyncio
 import csv
 import io
 from dataclasses import replace
@@ -37,12 +36,12 @@ async def import_file(client, text):
     files = {"file": ("vue.csv", io.BytesIO(text.encode()))}
     answer = await client.post(f"/api/robots/{GRACE}/detections", files=files)
     assert answer.status_code == 202, answer.text
-    async with asyncio.timeout(60):
-        while True:
-            job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
-            if job["state"] not in {"queued", "running"}:
-                return job
-            await asyncio.sleep(0.05)
+
+    async def ended():
+        job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
+        return job if job["state"] not in {"queued", "running"} else None
+
+    return await until(ended)
 
 
 def vue(rows):
