@@ -83,7 +83,7 @@ async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
 ):
     sky.rng.seed(seed)
     plan = path = None
-    for _ in range(30):
+    for _ in range(60):
         async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
             if plan is None:
                 await robot.call()
