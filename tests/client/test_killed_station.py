@@ -119,19 +119,18 @@ def test_a_cursor_misses_no_event_and_tells_none_twice_over_kills(folder, token,
                     return
 
     file.write_text("0")
-    reading = in_thread(lambda: read(6))
-    for _ in range(3):
+    reading = in_thread(lambda: read(12))  # of each round six are the plans
+    for _ in range(2):
         with station(folder, port) as process:
             with Station(f"http://127.0.0.1:{port}", token, patience=LONG) as client:
                 for _ in range(2):
                     plan = client.plan(MINI, DIVE)
                     client.ask.plans.cancel_plan(plan.id)
             os.kill(process.pid, signal.SIGKILL)
-    with station(folder, port):
-        reading()
-    known = [one.cursor for one in events(folder) if one.robot == MINI]
-    assert seen == known[: len(seen)]
     with station(folder, port), Station(f"http://127.0.0.1:{port}", token) as client:
+        reading()
+        known = [one.cursor for one in events(folder) if one.robot == MINI]
+        assert seen == known[: len(seen)]
         follower = iter(client.events(robot=MINI, file=str(file)))
         again = next(follower)
         assert again.cursor == seen[-1], "the last one was not done"
