@@ -1,4 +1,4 @@
-"""Rules of a mission that bring a robot up early, flown in drawn waters and by drawn limits."""
+"""Rules of a mission that bring a robot up early, flown in waters and by limits that are drawn."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import OnboardPlanState
 from robot_link.mission import Mission
 from robot_link.surfacing_order import SurfacingOrder, ValueLimit
-from tests.simulator.flight import Life, mission, two_dives
+from tests.simulator.flight import Life, mission, two_dives, vee
 
 TEMPERATURE = CHANNELS["temperature"]
 
@@ -36,21 +36,20 @@ def reasons(life: Life) -> list[str]:
 
 @pytest.fixture
 def rng():
-    """The same worlds each time: what a rule does is judged, not how seldom it comes to nothing."""
-    return np.random.default_rng(29)
+    return np.random.default_rng()
 
 
 def test_a_value_that_is_drawn_from_the_water_brings_the_robot_up(rng):
-    """The limit is one that an earlier flight in the same water met on its first descent."""
+    """The limit is one that an earlier flight in the same water met on its descent."""
     seed = int(rng.integers(1000))
-    plan = mission(*two_dives(), sample_period_s=1.0)
+    plan = mission(*vee(), sample_period_s=1.0)
     free = Life(seed=seed)
     free.fly(plan)
     variable = free.robot.program.variable
-    seen = np.array([value for value, *_ in free.notebook.samples])
-    half = seen[: len(seen) // 4]
-    limit = float(rng.uniform(np.quantile(half, 0.3), np.quantile(half, 0.7)))
-    is_above = bool(half[0] < limit)
+    down = free.notebook.samples[: len(free.notebook.samples) // 2]
+    descent = [value for value, place, *_ in down if 0.05 < place[2] < 0.2]  # deeper, it turns
+    limit = float(rng.uniform(np.quantile(descent, 0.3), np.quantile(descent, 0.7)))
+    is_above = bool(descent[0] < limit)
     number = CHANNELS[variable].wire_number
     rules = order(None, 0.0, ValueLimit(number, is_above, limit))
     ruled = Life(seed=seed)
@@ -62,7 +61,7 @@ def test_a_value_that_is_drawn_from_the_water_brings_the_robot_up(rng):
     met = [rules.on_value[0].is_crossed(value) for value, *_ in ruled.notebook.samples]
     assert any(met)
     deepest = [max(place[2] for _, place, *_ in life.notebook.samples) for life in (free, ruled)]
-    assert deepest[1] < deepest[0] + 0.05
+    assert deepest[1] < deepest[0] + 0.01
 
 
 def test_samples_that_wait_bring_it_up_and_the_next_dive_is_flown(rng):
