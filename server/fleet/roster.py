@@ -1,6 +1,8 @@
 """Takes up robots as the database knows them: at the start, and when somebody changed one."""
 
+import asyncio
 import logging
+from collections import defaultdict
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -60,6 +62,8 @@ class Roster:
         self._foundation = foundation
         self._fleet = fleet
         self._undrawn: list[_Undrawn] = []
+        self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+        """Whoever reads a robot later takes it up later, so that the newest record stays."""
 
     async def load(self) -> None:
         """Take up every robot, with what it said last; ``draw_tracks`` draws where it was."""
@@ -88,8 +92,9 @@ class Roster:
             UnknownIdError: If there is no such robot.
             StoreError: Everything stays as it was.
         """
-        record = await self._foundation.store.query(lambda session: get_robot(session, robot))
-        await self._take_up(record)
+        async with self._turns[robot]:
+            record = await self._foundation.store.query(lambda session: get_robot(session, robot))
+            await self._take_up(record)
         self._foundation.bus.publish(RobotChanged(record))
 
     def event_logged(self, logged: EventLogged) -> None:
