@@ -4,6 +4,9 @@ A port belongs to a radio, not to a robot: links of several robots that share a 
 and enabled together.
 """
 
+import asyncio
+from collections.abc import Set
+
 from sqlalchemy.orm import Session
 
 from db.query.station.events import add_event
@@ -30,7 +33,9 @@ class DisabledLinks:
         self._store = store
         self._bus = bus
         self._clock = clock
-        self._disabled: set[str] = set()
+        self._disabled: Set[str] = set()
+        self._changing = asyncio.Lock()
+        """Held from the look at what is disabled until its change is kept."""
 
     async def load(self) -> None:
         """Remember what was disabled when the station stopped."""
@@ -59,12 +64,11 @@ class DisabledLinks:
             StoreUnavailableError: Nothing was changed.
         """
         port = shared_port(uri)
-        wanted = self._disabled - {port} if is_enabled else self._disabled | {port}
         at = self._clock.now()
         carrier = carrier_title(uri.partition(":")[0])
         text = f"{by} {'plugged' if is_enabled else 'unplugged'} {carrier} of {robot}."
 
-        def write(session: Session) -> None:
+        def write(session: Session, wanted: Set[str]) -> None:
             put_setting(session, _SETTING, {"uris": sorted(wanted)})
             add_event(
                 session,
@@ -76,6 +80,8 @@ class DisabledLinks:
                 data={"link": port, "by": by},
             )
 
-        await self._store.write(write)
-        self._disabled = wanted
-        self._bus.publish(LinkSwitched(uri, is_enabled))
+        async with self._changing:
+            wanted = self._disabled - {port} if is_enabled else self._disabled | {port}
+            await self._store.write(lambda session: write(session, wanted))
+            self._disabled = wanted
+            self._bus.publish(LinkSwitched(uri, is_enabled))

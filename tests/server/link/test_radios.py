@@ -1,5 +1,6 @@
 """The plug of a radio that several robots share."""
 
+import asyncio
 from dataclasses import replace
 
 import pytest
@@ -60,6 +61,17 @@ async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
     assert not again.is_enabled(FIRST)
     await again.set(SECOND, is_enabled=True, robot="mini-1", by="test")
     assert again.is_enabled(FIRST)
+
+
+async def test_links_that_are_disabled_at_once_are_both(foundation):
+    links = DisabledLinks(foundation.store, foundation.clock, foundation.bus)
+    ports = [f"serial:///dev/tty{number}" for number in range(4)]
+    async with asyncio.TaskGroup() as people:
+        for port in ports:
+            people.create_task(links.set(port, is_enabled=False, robot="mini-1", by="test"))
+    again = DisabledLinks(foundation.store, foundation.clock, foundation.bus)
+    await again.load()
+    assert links.disabled == again.disabled == set(ports)
 
 
 async def test_a_radio_that_comes_back_finds_its_plug_as_it_was_left(radios, world, robots):
