@@ -93,19 +93,22 @@ class Ranging:
         self._open = open_
         self._benches: list[_Bench] = []
         self._disabled: set[str] = set()
+        self._changing = asyncio.Lock()
+        """Held while modems are given up and others opened."""
 
     async def set_robots(self, robots: Iterable[RobotRecord]) -> None:
         """Say which robots there are; modems whose links stay as they were go on undisturbed."""
         wanted = _links_by_modem(robots)
-        for bench in list(self._benches):
-            links = {ear.robot: ear.uri for ear in bench.ears}
-            if links in wanted:
-                wanted.remove(links)
-            else:
-                self._benches.remove(bench)
-                await _end(bench)
-        for links in wanted:
-            self._begin(links)
+        async with self._changing:
+            for bench in list(self._benches):
+                links = {ear.robot: ear.uri for ear in bench.ears}
+                if links in wanted:
+                    wanted.remove(links)
+                else:
+                    self._benches.remove(bench)
+                    await _end(bench)
+            for links in wanted:
+                self._begin(links)
 
     def set_enabled(self, uri: str, *, is_enabled: bool) -> None:
         """Enable or disable an acoustic link; links of one modem share that."""

@@ -153,6 +153,15 @@ async def test_links_that_stay_keep_their_modem_and_links_that_go_lose_it(tmp_pa
         assert service.opened == [{GRACE: LINK}, {GRACE: LINK, MINI: OTHER}]
 
 
+async def test_robots_that_change_twice_at_once_open_a_modem_once(tmp_path):
+    reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
+    async with ranging(tmp_path, fake, reports) as service:
+        await service.set_robots([robot((LINK,))])
+        both = [robot((LINK,)), mini()]
+        await asyncio.gather(service.set_robots(both), service.set_robots(both))
+        assert service.opened == [{GRACE: LINK}, {GRACE: LINK, MINI: OTHER}]
+
+
 async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
     reports = []
     async with ranging(tmp_path, FakeModem(), reports) as service:
