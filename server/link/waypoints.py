@@ -120,8 +120,9 @@ class Waypoints:
         """Begin to put waypoints on board; return the job's id.
 
         Raises:
-            Problem: 404 for an unknown robot, 409 for one that takes no waypoints, 422 with the
-                waypoint that lies outside of the water, above it or below its floor.
+            Problem: 404 for an unknown robot, 409 for one that takes no waypoints or whose
+                waypoints are sent or read just now, 422 with the waypoint that lies outside of
+                the water, above it or below its floor.
         """
         status = self._fleet.status(robot)
         refuse_unless_able(status, "waypoints")
@@ -131,7 +132,8 @@ class Waypoints:
         async def work(progress: JobProgress) -> Mapping[str, Any]:
             return await self._upload(robot, mission, tuple(wanted), by, progress)
 
-        return await self._jobs.start(robot, work, by=by, robot=robot)
+        refusal = f"Waypoints of {robot} are sent or read just now; wait for that, or cancel it."
+        return await self._jobs.start_alone(robot, work, refusal=refusal, by=by, robot=robot)
 
     async def read(self, robot: str, *, by: str) -> str:
         """Begin to read the mission on board; return the job's id.

@@ -152,6 +152,26 @@ async def test_a_cancelled_upload_is_not_known_until_the_mission_is_read(tmp_pat
         assert (await client.get(path)).json()["state"] == "on_board"
 
 
+async def test_waypoints_are_refused_while_others_are_read(tmp_path, monkeypatch):
+    path = "/api/robots/sub-1/waypoints"
+    async with afloat(tmp_path) as (client, _):
+        real, may_end = Radios.read_waypoints, asyncio.Event()
+
+        async def late(radios, robot, report):
+            await may_end.wait()
+            return await real(radios, robot, report)
+
+        monkeypatch.setattr(Radios, "read_waypoints", late)
+        read = await client.post(f"{path}/read")
+        refused = await client.put(path, json={"waypoints": MISSION})
+        assert (read.status_code, refused.status_code) == (202, 409)
+        assert "wait for that" in refused.json()["detail"]
+        may_end.set()
+        assert (await ended(client, read))["state"] == "done"
+        sent = await ended(client, await client.put(path, json={"waypoints": MISSION}))
+        assert sent["state"] == "done", sent["message"]
+
+
 async def test_a_mission_refused_at_item_three_says_item_and_words(tmp_path):
     async with afloat(tmp_path) as (client, vehicle):
         take = vehicle.autopilot.take
