@@ -119,14 +119,16 @@ class Waters:
             Problem: 412 if ``if_match`` names another version, 409 if robots work in one that is
                 to be retired, 422 with what is wrong; nothing was kept.
         """
-        now, robots = await self.get(water)
+        now, _ = await self.get(water)
         if if_match is not None and if_match not in {"*", etag(now)}:
             raise _outdated(water)
         site = _worded(changes.document or now.site, changes)
         site = await self._with_proposals(site, changes, is_new=False)
         at = self._foundation.clock.now()
 
-        def write(session: Session) -> WaterRecord:
+        def write(session: Session) -> Kept:
+            # Somebody may have put a robot there while the document was made.
+            robots = tuple(robots_of(session).get(water, []))
             record = change_water(
                 session,
                 water,
@@ -140,10 +142,10 @@ class Waters:
             fields = sorted(changes.model_fields_set)
             data = {"water": water, "fields": fields, "robots": list(robots)}
             add_event(session, at, "water.changed", text, data=data)
-            return record
+            return record, robots
 
         try:
-            record = await self._foundation.store.write(write)
+            record, robots = await self._foundation.store.write(write)
         except WaterChangedError as error:
             raise _outdated(water) from error
         except WaterInUseError as error:

@@ -7,6 +7,7 @@ import pytest
 
 from autonomy.site import LAKE, Box, Site
 from server.fleet.fleet import Fleet
+from server.water.waters import Waters
 from tests.server.conftest import until
 from tests.server.water.foreign import CENTRE, bay, bowl, feature, geojson, geotiff, square
 
@@ -102,6 +103,25 @@ async def test_a_changed_water_reaches_its_robots_and_stale_changes_are_refused(
     shown = (await client.get("/api/robots/grace-1")).json()["site"]
     document = Site.model_validate(shown)
     assert float(document.floor_m(100.0, 100.0)) == float(LAKE.floor_m(100.0, 100.0)) + 0.5
+
+
+async def test_a_changed_water_reaches_who_was_put_there_while_it_was_made(
+    client, station, monkeypatch
+):
+    real = Waters._with_proposals
+
+    async def slow(waters, site, wanted, *, is_new):
+        put = await client.patch("/api/robots/mini-1", json={"water": "practice-lake"})
+        assert put.status_code == 200, put.text
+        return await real(waters, site, wanted, is_new=is_new)
+
+    monkeypatch.setattr(Waters, "_with_proposals", slow)
+    url = "/api/waters/practice-lake"
+    changed = await client.patch(url, json={"tide_offset_m": 0.5})
+    assert changed.status_code == 200, changed.text
+    assert changed.json()["robots"] == ["mini-1", "grace-1"]
+    fleet = station.foundation.services.get(Fleet)
+    await until(lambda: fleet.status("mini-1").record.site.tide_offset_m == 0.5)
 
 
 async def test_a_water_with_robots_is_not_retired_and_a_retired_one_takes_none(client):
