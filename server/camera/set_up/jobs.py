@@ -18,6 +18,7 @@ from server.base.job import JobError, JobPerKey, JobProgress
 from server.base.problem import conflict
 from server.base.worker import WORKER_FAILURES
 from server.camera import task
+from server.camera.address import source_of
 from server.camera.calibrations import CALIBRATION, Calibrations
 from server.camera.cameras import Cameras
 from server.camera.rig import CameraRig, origin_of
@@ -83,12 +84,15 @@ class CalibrationJobs:
 
     async def calibrate_lens(self, camera: str, kind: task.LensKind, *, by: str) -> str:
         """Begin to calibrate a lens by the pictures of the board; return the id of the job."""
-        key = self._cameras.get(camera).key
+        before = self._cameras.get(camera)
+        key, source = before.key, source_of(before.uri)
 
         async def work(progress: JobProgress) -> Mapping[str, Any]:
             progress.report(0.1, "Calibrates the lens.")
             problem = LensProblem(kind, self._boards.shots(camera))
             found = await self._worked(task.LENS, problem)
+            if source_of(self._cameras.get(camera).uri) != source:
+                raise JobError(f"{camera} is another camera by now: take pictures of the board.")
             record = await self._kept("lens", found, by=by, camera_key=key)
             await self._calibrations.take(record, camera, by=by)
             return _result(record)

@@ -14,12 +14,15 @@ from server.access.role import Role
 from server.camera.calibrations import Calibrations
 from server.camera.cameras import Cameras
 from server.camera.rig import CameraRig, origin_of
+from server.camera.set_up.jobs import CalibrationJobs
+from server.camera.task import Found
 from server.camera.vision import lens_document, rig_document, rig_of
 from tests.autonomy.vision.tank import LENS, overhead_cameras, tank_layout
 from tests.server.camera.test_supervision import holders_of
-from tests.server.conftest import api_client
+from tests.server.conftest import api_client, until
 
 URI = "http://127.0.0.1:9/camera/1?fps=10"
+OTHER_URI = "http://127.0.0.1:9/camera/2?fps=10"
 PASSWORD = "the camera's own secret"
 FLOOR = {"id": 100, "size_m": 0.15, "position_m": [0.5, 0.5, 1.2]}
 FIT = {"rms_px": 0.1, "focal_std_share": 1e-4, "views": [], "view_rms_px": []}
@@ -297,3 +300,24 @@ async def test_a_camera_that_is_left_out_is_known_but_not_used(client, foundatio
     assert not camera["is_used"]
     assert camera["place"] is not None
     assert rig.rig.cameras == ("tank-1",)
+
+
+async def test_a_lens_that_was_worked_out_for_another_camera_is_not_used(client, monkeypatch):
+    await added(client)
+
+    async def slow(*_):
+        moved = await client.patch("/api/cameras/tank-1", json={"uri": OTHER_URI})
+        assert moved.status_code == 200, moved.text
+        return Found(lens_document(LENS), np.zeros((9, 9)), FIT)
+
+    monkeypatch.setattr(CalibrationJobs, "_worked", slow)
+    begun = (await client.post("/api/cameras/tank-1/lens", json={})).json()
+
+    async def ended():
+        job = (await client.get(f"/api/jobs/{begun['id']}")).json()
+        return job if job["state"] not in {"queued", "running"} else None
+
+    job = await until(ended)
+    assert job["state"] == "failed"
+    assert "tank-1 is another camera by now" in job["message"]
+    assert (await client.get("/api/cameras/tank-1")).json()["step"] == "lens"
