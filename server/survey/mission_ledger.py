@@ -60,6 +60,8 @@ class MissionLedger:
         self._changed: dict[str, None] = {}
         """Missions that were changed with something else, in order."""
         self._has_changed = asyncio.Event()
+        self._reading = asyncio.Lock()
+        """Whoever reads a mission later takes it up later, so that the newest record stays."""
 
     async def run(self) -> None:
         """Read again what was changed with something else, until cancelled."""
@@ -230,13 +232,14 @@ class MissionLedger:
 
     async def _read(self, mission: str) -> None:
         """Read a mission and its plans after a change, and tell of it."""
-        record, plans = await self.get(mission), await self.plans(mission)
-        self._known[mission] = (record, plans)
-        shown = self._fleet.status(record.robot).mission_id
-        if shown is None or shown == mission or not self._is_newer(shown, record):
-            self._fleet.set_mission(record.robot, mission)
-        kept = {mission, *(status.mission_id for status in self._fleet.statuses)}
-        self._known = {key: known for key, known in self._known.items() if key in kept}
+        async with self._reading:
+            record, plans = await self.get(mission), await self.plans(mission)
+            self._known[mission] = (record, plans)
+            shown = self._fleet.status(record.robot).mission_id
+            if shown is None or shown == mission or not self._is_newer(shown, record):
+                self._fleet.set_mission(record.robot, mission)
+            kept = {mission, *(status.mission_id for status in self._fleet.statuses)}
+            self._known = {key: known for key, known in self._known.items() if key in kept}
         self._bus.publish(MissionChanged(mission, record.robot))
 
     def robot_said_more(self, robot: str) -> None:

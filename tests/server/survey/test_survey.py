@@ -414,3 +414,27 @@ async def test_checking_a_draft_again_tells_what_it_breaks_now(client):
     checked = (await client.post(f"/api/plans/{plan}/check")).json()
     assert checked["plan_id"] == plan
     assert checked["violations"]
+
+
+async def test_what_was_read_of_a_mission_before_a_change_is_not_shown_after_it(
+    client, station, monkeypatch
+):
+    mission = await survey_of(client)
+    await mission_in(client, mission, "ready")
+    ledger, has_read, may_go_on = station.missions, asyncio.Event(), asyncio.Event()
+    plans = ledger.plans
+
+    async def late(mission):
+        monkeypatch.setattr(ledger, "plans", plans)
+        has_read.set()
+        await may_go_on.wait()
+        return await plans(mission)
+
+    monkeypatch.setattr(ledger, "plans", late)
+    async with asyncio.TaskGroup() as both:
+        both.create_task(ledger._read(mission))
+        await has_read.wait()
+        moved = both.create_task(ledger.move(mission, "stopped", "Ben stopped it."))
+        await asyncio.wait([moved], timeout=0.5)  # time enough to overtake the first
+        may_go_on.set()
+    assert ledger.live_view(mission).state == "stopped"
