@@ -103,18 +103,19 @@ class Fleet:
         return status
 
     def remember(self, robot: str, memory: Memory) -> None:
-        """Take what the database knows of a robot that was not heard since the station started."""
-        status, state = self._statuses[robot], memory.state
-        status.state, status.plan_report = state, memory.plan_report
-        status.plan_queue = memory.plan_queue
-        status.target_report = memory.target_report
-        status.current_report = memory.current_report
-        status.actuator_report = memory.actuator_report
-        status.samples = {sample.variable: sample for sample in memory.samples}
-        status.readings = {reading.channel: reading for reading in memory.readings}
-        if state is not None:
-            water = status.record.site
-            status.remembered = remembered_link(state, radio_under_water=water.radio_under_water)
+        """Take what the database knew of a robot; what was heard while it was read is newer."""
+        status = self._statuses[robot]
+        status.plan_report = status.plan_report or memory.plan_report
+        status.plan_queue = status.plan_queue or memory.plan_queue
+        status.target_report = status.target_report or memory.target_report
+        status.current_report = status.current_report or memory.current_report
+        status.actuator_report = status.actuator_report or memory.actuator_report
+        status.samples = {one.variable: one for one in memory.samples} | status.samples
+        status.readings = {one.channel: one for one in memory.readings} | status.readings
+        if status.state is None and memory.state is not None:
+            status.state, water = memory.state, status.record.site
+            under_water = water.radio_under_water
+            status.remembered = remembered_link(memory.state, radio_under_water=under_water)
 
     def set_deployment(
         self, robot: str, deployment: DeploymentRecord | None, ashore_since: datetime

@@ -1,13 +1,17 @@
 """The fleet follows what others write into the database, and nothing that robots alone say."""
 
 import asyncio
-from datetime import UTC, datetime
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 
 from db.query.fleet.robots import change_robot
 from db.query.station.events import add_event
+from robot_link.messages import LogId, Sample
 from server.base.event_bus import EventLogged
+from server.fleet.fleet import Memory
 from server.link.moments import CONTACT, DIVE_BEGUN, DIVE_ENDED, SURFACED
 from tests.server.conftest import GRACE, MINI, until
+from tests.server.fake_link import state_report
 
 CHANGED = "robot.changed"
 
@@ -62,3 +66,21 @@ async def test_what_was_read_before_a_change_is_not_taken_up_after_it(station, m
         await asyncio.wait([second], timeout=0.5)  # time enough to overtake the first
         may_go_on.set()
     assert station.fleet.status(MINI).record.name == "Ada"
+
+
+async def test_what_was_heard_while_the_database_was_read_stays(station, world):
+    at = station.foundation.clock.now()
+    before = at - timedelta(hours=1)
+    old = Sample(MINI, LogId(1), 1, "temperature", 4.0, (0.5, 0.5, 0.1), 0.02, before, before)
+    known = [old, replace(old, variable="salinity", value=0.2, sequence=2)]
+    world.tell(state_report(MINI, (1.0, 0.5, 0.0), at))
+    world.tell(replace(old, value=9.0, sequence=3, measured_at=at, received_at=at))
+    station.fleet.remember(
+        MINI, Memory(state_report(MINI, (0.5, 0.5, 0.0), before), None, known, [], None)
+    )
+    status = station.fleet.status(MINI)
+    assert status.state.measured_at == at
+    assert {key: one.value for key, one in status.samples.items()} == {
+        "temperature": 9.0,
+        "salinity": 0.2,
+    }
